@@ -305,9 +305,36 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
         groups += [(axes[k], group) for group in along]
     rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
     found = [each for faces, axis in rounds if (each := _radius(body, faces, normals, axis)) is not None]
+    found = [own._replace(faces=[*own.faces, *_cut_off(body, own, normals)]) for own in found]
     known = {face for each in found for face in each.faces}
     left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
     return found + _cones(body, facets, normals, pairs[left], ends[left])
+
+
+def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]:
+    """Return facets beside those of a cylinder that are as far from its axis, and cut off inside of it.
+
+    As by a keyway that was cut into facets: the corners there are on a chord, not on the cylinder.
+    """
+    surface, known, found = own.surface, {*own.faces}, list[Label]()
+    if surface.line != (1.0, 0.0):
+        return []
+    points, near = body.vertices, ROUND * surface.radius
+    heights = {
+        face: float(normal @ (points[face[0] - 1] - surface.origin))
+        for face, normal in normals.items()
+        if abs(normal @ surface.axis) < ROUND and (surface.misses(points[np.array(face) - 1])[0] <= near).all()
+    }
+    faces = [*heights]
+    beside = [(faces[j], faces[k]) for pair in neighbours(faces)[0].tolist() for j, k in (pair, pair[::-1])]
+    while more := {
+        face: None
+        for member, face in beside
+        if member in known and face not in known and abs(heights[face] - heights[member]) <= near
+    }:
+        found += more
+        known.update(more)
+    return found
 
 
 def _evenly_bent(points: Array, facets: list[Label], pairs: Ints, ends: Ints, axis: Array) -> list[Ints]:

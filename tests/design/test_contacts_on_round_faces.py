@@ -1,5 +1,7 @@
 """Stack-ups and best poses of contacts as drawn with round faces: of these, wherever the facets of a mesh lie."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -180,4 +182,25 @@ def test_a_line_to_line_fit_whose_collar_lies_on_the_bush() -> None:
     stack = fo.stack_up(fo.Problem(shaft, bush, sizes=sizes, made="middle", goal="touch", motion=fo.Translation("x")))
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.0035, 0.0205), abs=1e-9)
     assert len(stack.standing) == 1
+    assert fo.verify(stack).passed
+
+
+def test_a_keyway_that_was_cut_into_facets() -> None:
+    """Its corners are on chords: facets beside it and before its ends stayed flat where the shaft became smaller."""
+    angles = np.arange(64) * 2 * np.pi / 64
+    circle = 15.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    facets = fo.Prism([tuple(p) for p in circle], 60.0, name="shaft")
+    shaft = replace(fo.cut(facets, fo.Box((8.0, 8.0, 25.0), centre=(0, 15, 30))), surfaces=None).rounded()  # a mesh
+    ring = fo.cut(fo.Cylinder(28, 40, base=(0, 0, 10)), fo.Cylinder(15, 60))
+    sizes = [
+        fo.Size("bore", "movable", faces="bore radius 15", each=-0.5, tolerance=(0.0, 0.021)),
+        fo.Size("shaft", "static", faces="cylinder radius 15", each=0.5, tolerance=(-0.02, 0.0)),
+    ]
+    made = {"bore": 0.01, "shaft": -0.01}
+    asked = fo.Problem(ring, shaft, sizes=sizes, made=made, goal="touch", motion=fo.Translation("x"))
+    found = fo.solve(asked)
+    assert found.amount == pytest.approx(0.01, abs=1e-9)
+    assert fo.verify(found).passed
+    stack = fo.stack_up(asked)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.0, 0.0205), abs=1e-9)
     assert fo.verify(stack).passed
