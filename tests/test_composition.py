@@ -126,7 +126,8 @@ def contact_times(asked: Asked) -> None:
     assert found.free == (scene.free and pytest.approx(scene.free, **NEAR))
     spans = [span for spans in found.keep_outs.values() for span in spans if span.low < 0.0 < span.high]
     told = [(span.state, span.low, span.high) for span in spans]
-    known = [("overlapping", *pytest.approx((-1.005, 1.005), **NEAR).expected)] if "keep-outs" in asked.name else []
+    ends = (pytest.approx(end, **NEAR) for end in (-1.005, 1.005))
+    known = [("overlapping", *ends)] if "keep-outs" in asked.name else []
     assert told == known or isinstance(asked.question, fo.Assembly)  # of every two parts
     if asked.name == "chain, keep-outs":  # the top of the upper one, which the lower one takes along
         (span,) = (span for span in found.keep_outs["upper - lamp"] if span.state == "overlapping")

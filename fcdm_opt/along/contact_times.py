@@ -424,7 +424,7 @@ class _OneWay:
             if not grazing:
                 self.spans.append((state, start, at))
                 start, state = at, "apart" if state == "overlapping" else "overlapping"
-            x = self._left(at) if state == "apart" and not grazing else self._beyond(at)
+            x = self._cleared(at) if state == "apart" and not grazing else self._beyond(at)
             if x >= self._end:
                 break
         else:
@@ -443,7 +443,7 @@ class _OneWay:
         beyond = min(beyond, self._end)
         return beyond if abs(self._gap(beyond)) > self._slack else min(x + self._floor, self._end)
 
-    def _left(self, x: float) -> float:
+    def _cleared(self, x: float) -> float:
         """Return a little more than x, where the two parts that overlapped until then are clear of each other."""
         places = self._deepest(x - self._floor)[1]
         one, two = (body.subset((k,)) for body, k in zip(self._problem.active, places, strict=True))
@@ -503,9 +503,10 @@ class _OneWay:
             ahead = min(here + max(step, self._floor), self._end)
             gap = clear(ahead)
             if gap >= 0:
-                if gap == 0 or clear(here) >= 0:
+                off = self._gap if self._gap(ahead) >= 0 else clear
+                if off(ahead) == 0 or off(here) >= 0:
                     return ahead, False
-                at = brentq(clear, here, ahead, xtol=DEFAULT.point * ahead, rtol=4 * np.finfo(float).eps)
+                at = brentq(off, here, ahead, xtol=DEFAULT.point * ahead, rtol=4 * np.finfo(float).eps)
                 return float(at), False
             here, depth = ahead, -gap
         self.proved, self._end = False, here  # what comes after is not known

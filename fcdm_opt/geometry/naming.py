@@ -326,10 +326,10 @@ def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]
         if abs(normal @ surface.axis) < ROUND and (surface.misses(points[np.array(face) - 1])[0] <= near).all()
     }
     faces = [*heights]
-    beside = [(faces[j], faces[k]) for pair in neighbours(faces)[0].tolist() for j, k in (pair, pair[::-1])]
+    joined = [(faces[j], faces[k]) for pair in neighbours(faces)[0].tolist() for j, k in (pair, pair[::-1])]
     while more := {
         face: None
-        for member, face in beside
+        for member, face in joined
         if member in known and face not in known and abs(heights[face] - heights[member]) <= near
     }:
         found += more

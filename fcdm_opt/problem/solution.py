@@ -41,7 +41,7 @@ FACETED = "their round faces are facets here"
 OPEN = "less is not ruled out on their round faces"
 """Why an answer about a mesh may not be that about the parts, and why one about round faces may not be the least."""
 
-UNLOOKED = 'it is not worked out with effort "quick", nor when time is over'
+UNLOOKED = 'it is not worked out with effort "quick", nor where it takes long'
 """Why it is not known what a mesh leaves open where larger parts make a question harder, or easier."""
 
 
@@ -66,7 +66,7 @@ class Status(Enum):
     )
     NOT_IN_STEPS = (
         "A motion was found, but none near it in whole steps of the resolution meets the requirement: choose finer "
-        "steps, or a goal that leaves room, 'beyond' or 'clear'."
+        "steps, or leave more room; goals 'beyond' and 'clear' have some."
     )
     NOT_VERIFIED = "A motion was found but the judge rejected it: see the certificate's failed checks; do not use it."
 
