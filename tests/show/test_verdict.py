@@ -367,3 +367,17 @@ def test_the_clearance_asked_for_stood_in_no_table() -> None:
     asked = {"target": (1, 1), "motion": fo.Translation("x"), "goal": "clear", "clearance": 1.25, "unit": "mm"}
     problem = fo.Problem(cube("key", 2.0), cube("wall", 2.0, (3.0, 0.0, 0.0)), **asked)
     assert "goal clear by 1.25 mm: TX -0.25 mm" in str(fo.solve(problem))
+
+
+@pytest.mark.parametrize("facets", [32, 128])
+def test_what_blocks_a_round_pin_is_told_of_its_true_face(facets: int) -> None:
+    """Its facets told TY -.075, and .004, where .05 off by the limit of .02 leaves .03 - .01 of overlap at TY -.02."""
+    pin = fo.Cylinder(4, 20, base=(0.05, 0.02, 0), name="pin", unit="mm", facets=facets)
+    bore = fo.Cylinder(4.01, 30, base=(0, 0, -5), facets=facets)
+    plate = fo.cut(fo.Box((20, 20, 10), centre=(0, 0, 10), name="plate", unit="mm"), bore)
+    motion, limits = fo.Translation("x") >> fo.Translation("y"), {"TX": (-0.02, 0.02), "TY": (-1, 1)}
+    for goal in ("clear", "touch"):
+        asked = fo.Problem(pin, plate, target=(1, 1), goal=goal, motion=motion, limits=limits)
+        told = str(fo.solve(asked))
+        assert "TX -0.02 mm + TY -0.02 mm, TX at the limit" in told
+        assert "overlap by 0.02 mm" in told

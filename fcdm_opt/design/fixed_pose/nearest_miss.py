@@ -13,14 +13,17 @@ from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.patches import NearestPoints, true_faces
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
+from fcdm_opt.model.true_faces import Exchange
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
 TOLD = 3  # contacts that are told, those that are worst first
 MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
+SHARE, SHRINK, STEPS = 0.1, 0.25, 24  # of the size, of a step that does not help, and steps
 NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 
 
@@ -49,6 +52,9 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
     """Return the pose with the best worst gap, and the gaps that are not what they have to be there, worst first."""
     low, high = (problem.clearance, np.inf) if problem.goal == "clear" else (0.0, 0.0)
     target, rest = np.array([problem.target]), np.zeros(len(problem.limits))
+    if (round_ones := Exchange.of(problem)) is not None:
+        plain = problem.motion.shifts and not problem.keep_out
+        return _of_true_faces(problem.of_facets, round_ones) if plain else (rest, [])
     try:
         worst = Worst.of(problem, Sizes(frozen(np.repeat(target.T, 2, axis=1)), pairs=frozen(target)), low, high)
     except InputError:  # keep-outs of which only the surface is known
@@ -58,6 +64,46 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
     missed = [told for miss, told in gaps if miss > slack]
     return found.q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+
+
+def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]:
+    """Return the same of shifts of parts with round faces that overlap as drawn, whose facets tell other gaps.
+
+    By linear programs for the largest least gap, within steps that become smaller where one does not help.
+    """
+    from scipy.optimize import linprog
+
+    (low, high), q = problem.limits.T, np.zeros(len(problem.limits))
+    shifts, q = -problem.motion.ways(problem.movable.seed, problem.static.seed), np.clip(q, low, high)
+
+    def at(values: Array) -> list[NearestPoints]:
+        pose = problem.motion.transform(values, problem.movable.seed, problem.static.seed)
+        return asked.nearest(pose, SHARE * problem.size)
+
+    radius = SHARE * problem.size
+    near = at(q)
+    for _ in range(STEPS):
+        if not near or near[0].gap > -problem.contact_slack:
+            return q, []
+        slopes = np.array([shifts @ own.normal for own in near])
+        gaps = np.array([own.gap for own in near]) - slopes @ q
+        ends = np.column_stack([np.maximum(q - radius, low), np.minimum(q + radius, high)])
+        found = linprog(
+            np.append(np.zeros(len(q)), -1.0), np.column_stack([-slopes, np.ones(len(gaps))]), gaps,
+            bounds=[*ends.tolist(), (None, None)],
+        )  # fmt: skip
+        ahead = found.x[:-1] if found.status == 0 else q
+        there = at(ahead)
+        if not there or there[0].gap > near[0].gap:
+            q, near = ahead, there
+        else:
+            radius *= SHRINK
+    own, bodies = near[0], (problem.movable, problem.static)
+    faces = [true_faces(body) for body in bodies]
+    each = zip(faces, own.points, strict=False)
+    between = Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(*bodies)
+    more = f", {measured(problem.clearance, problem.unit, 4)} asked" if problem.clearance > 0.0 else ""
+    return q, [f"{between} {_state(own.gap + asked.need, 0.0, problem.unit)}{more}"]
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
