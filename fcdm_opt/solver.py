@@ -194,7 +194,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         return None
     if (touching := touching_again(problem)) is not None:
         found = None if how.certify else _restored(problem, touching)  # which has no evidence
-        if found is not None and found.usable and found.lower_bound >= found.amount:
+        if found is not None and found.lower_bound >= found.amount:
             return found
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
@@ -219,7 +219,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
 
 
 def _restored(problem: Problem, touching: Problem) -> Solution | None:
-    """Return the least shift that restores contacts of true faces; None where none is found."""
+    """Return the least shift that restores contacts of true faces; None where none is found that can be used."""
     found = pacing.in_time(restoring_shift, [problem], late=None)
     if found is None or found.q is None or (exchange := Exchange.of(touching)) is None:
         return None
@@ -228,7 +228,8 @@ def _restored(problem: Problem, touching: Problem) -> Solution | None:
     task = Task.of(asked)
     answer = Answer(Status.SOLVED, found.q, RESTORED, min(found.bound, task.amount(found.q)))
     solution, certificate = judged(reported(asked, task, answer))
-    return solution.with_certificate(certificate, solution.seconds)
+    solution = solution.with_certificate(certificate, solution.seconds)
+    return solution if solution.usable else None  # as where a keep-out is in the way
 
 
 def _solved_again(how: _How, problem: Problem, effort: Effort) -> Solution:

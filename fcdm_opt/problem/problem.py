@@ -337,9 +337,10 @@ class Problem(NominalContact, Scene, NotebookRepr):
 
     @cached_property
     def touches_between_facets(self) -> bool:
-        """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do."""
+        """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do, and only shift."""
         asked = self.goal in ("at", "seat") and not self.contacts and self.nominal_contact is None
-        return asked and bool(self.round_contacts)
+        shifted = self.motion.shifts and self.resolution is None and self.amount == "weighted"
+        return asked and shifted and bool(self.round_contacts)
 
     @cached_property
     def round_contacts(self) -> list[TrueContact]:

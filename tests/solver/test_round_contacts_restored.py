@@ -163,6 +163,9 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     assert changed.prediction.amount == pytest.approx(abs(0.2 * off) / sin(half), rel=1e-6)
     none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **{**asked, "motion": y}, made={"diameter": off}))
     assert none.status.name == "INFEASIBLE"
+    for other in ({"motion": x >> fo.Rotation("z")}, {"resolution": 0.01}, {"amount": "displacement"}):
+        with pytest.raises(fo.InputError, match="nominal"):  # of these only facets are followed
+            fo.Problem(roller, v_block(half, 5.0), **{**asked, **other}, made={"diameter": off})
     apart = fo.Cylinder(5.0, 30.0, base=(0.01, 0, -5), name="roller")
     with pytest.raises(fo.InputError, match="nominal"):
         fo.Problem(apart, v_block(half, 5.0), **asked, made={"diameter": off})
@@ -219,3 +222,17 @@ def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     stack = fo.stack_up(asked, of=("plate", "roller"))
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
     assert not stack.known_to
+
+
+def test_a_keep_out_that_the_restored_roller_would_meet() -> None:
+    """Its contacts are restored by one motion alone, which the keep-out forbids."""
+    roller = fo.Cylinder(5.0, 30.0, base=(0, 0, -5), name="roller")
+    size = fo.Size("diameter", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.05)
+    stop = fo.KeepOut(fo.Box((2, 2, 20), centre=(6.01, 0, 10)), name="stop")
+    x, y = map(fo.Translation, "xy")
+    asked = {"sizes": [size], "goal": "at", "motion": x >> y, "keep_out": [stop]}
+    thick = fo.solve(fo.Problem(roller, v_block(np.pi / 4, 5.0), **asked, made={"diameter": 0.05}))
+    assert not thick.usable
+    thin = fo.solve(fo.Problem(roller, v_block(np.pi / 4, 5.0), **asked, made={"diameter": -0.05}))
+    assert thin.usable
+    assert thin.amount == pytest.approx(0.025 / sin(np.pi / 4), rel=1e-6)
