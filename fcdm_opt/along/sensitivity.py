@@ -69,7 +69,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     best = min(balances, key=lambda balance: balance.residual)
     near = BALANCED if holding.round else DEFAULT.stationary
     even = [balance for balance in balances if balance.residual <= near] or [best]
-    only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # others have larger gaps
+    only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # of a fit gaps differ
     reasons = [*holding.reasons, *(() if only else _ties(problem, task, q))]
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")

@@ -41,8 +41,8 @@ def touching_again(problem: Problem) -> Problem | None:
     ):
         return None
     known = {pair for own in asked.round_contacts for pair in own.pairs}
-    drawn = [*asked.drawn.values()]
-    for feature in _curved(asked):
+    drawn, flat = [*asked.drawn.values()], flat_contacts(asked)
+    for feature in (joint.feature for joint in asked.chosen_joints if joint.feature not in flat):
         both = (patches_of_element(body, own) for body, own in zip(drawn, (feature.one, feature.two), strict=True))
         if not known.intersection(product(*both)):  # facets may touch where true faces overlap
             return None
@@ -136,12 +136,6 @@ def flat_contacts(problem: Problem) -> list[Feature]:
         for own in asked
         if "F" in (own.one.kind, own.two.kind) and is_plane_there(one, own.one) and is_plane_there(two, own.two)
     ]
-
-
-def _curved(problem: Problem) -> list[Feature]:
-    """Return the other ones."""
-    flat = flat_contacts(problem)
-    return [joint.feature for joint in problem.chosen_joints if joint.feature not in flat]
 
 
 def _plane_gap(problem: Problem, feature: Feature, pose: Array) -> tuple[float, Array]:

@@ -405,8 +405,8 @@ class Examiner:
         """Return the cells of which a margin is not positive all over, and how many were halved."""
         waiting, lost, halved = self._cells[rows], np.array([], dtype=np.int64), 0
         for level in range(HALVINGS + 1):
-            waiting = waiting[~self._shown(waiting, test)]
-            refuted = waiting.rows[~self._shown(waiting.centres, test)]
+            waiting = waiting[~self._is_positive(waiting, test)]
+            refuted = waiting.rows[~self._is_positive(waiting.centres, test)]
             last = level == HALVINGS or 2 * len(waiting.rows) > PIECES
             lost = np.union1d(lost, waiting.rows if last else refuted)
             waiting = waiting[~np.isin(waiting.rows, lost)]
@@ -417,7 +417,7 @@ class Examiner:
             waiting = waiting.halved()
         return lost, halved
 
-    def _shown(self, pieces: Pieces, test: Test) -> Bools:
+    def _is_positive(self, pieces: Pieces, test: Test) -> Bools:
         """Tell of which pieces a margin is positive all over."""
         shown = np.zeros(len(pieces.rows), dtype=bool)
         for start in range(0, len(shown), BATCH):

@@ -151,7 +151,7 @@ def allocation_text(found: Allocation) -> str:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
-    at = [_counted(stack, own) for own in (worst.at_least, worst.at_largest)]
+    at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
         ("worst case, largest gap", worst.largest, _sizes(at[1]) or DRAWN),
@@ -202,7 +202,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ], numbers=("as drawn",))  # fmt: skip
 
 
-def _counted(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
+def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
     """Return the sizes that a worst case depends on: others move no contact, or are in their tolerance's middle."""
     moved = {size for row in stack.rows for size, off in row.coefficients.items() if off}
     ends = dict(zip(stack.names, stack.touching.box.tolist(), strict=True))

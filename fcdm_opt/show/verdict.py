@@ -265,7 +265,7 @@ def _effect(solution: Solution) -> str:
 def sure_text(solution: Solution) -> str:
     """Return whether less would do, in words."""
     if not _steps(solution):
-        return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh, _always_closed(solution))))
+        return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh, _sliding_contact(solution))))
     if solution.doubt:
         return solution.doubt
     if abs(solution.gap) < max(CLOSED, EXACT):
@@ -273,7 +273,7 @@ def sure_text(solution: Solution) -> str:
     return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
 
 
-def _always_closed(solution: Solution) -> str:
+def _sliding_contact(solution: Solution) -> str:
     """Return that no motion opens the contact, where bodies only slide on plane faces that touch as drawn."""
     problem, motion = solution.problem, solution.problem.motion
     asked = problem.goal in ("touch", "at", "seat") and motion.shifts

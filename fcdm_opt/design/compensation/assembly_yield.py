@@ -170,10 +170,10 @@ class AssemblyYield(Plain, NotebookRepr):
         if self.outside > 0.0:
             words.append(f"{self.outside:.4%} of {self.count} are beyond the map's ends, where they may pass or fail")
         words += [f"{getattr(self, what):.{places}%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
-        return ", ".join((*words, *self._drawn_how, *self.known_to))
+        return ", ".join((*words, *self._distribution_text, *self.known_to))
 
     @property
-    def _drawn_how(self) -> list[str]:
+    def _distribution_text(self) -> list[str]:
         if not isinstance(self.sizes, tuple):
             return []
         ends = zip(self.sizes, getattr(self.sizes_map, "box", ()), strict=False)
