@@ -8,12 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.contact import feature_of_site, site_corners
+from fcdm_opt.curve.contact import facing, feature_of_site, placed_elements, site_corners, supporting_contact
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.lazy_import import imported
-from fcdm_opt.model.equations import alignment, contact_line, feature_points, pose, separating_plane, switching_point
+from fcdm_opt.model.equations import (
+    FeaturePoints,
+    alignment,
+    contact_line,
+    feature_points,
+    pose,
+    separating_plane,
+    switching_point,
+)
 from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.model.true_faces import exact_where
@@ -280,6 +289,7 @@ def _aside(normal: Array, one: Array, two: Array) -> float:
 def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
     features, bodies = (*task.tracked, *task.untracked), (task.movable, task.static)
     asked = {"beyond": "see the switching point", FIT: "0 <= gap <= t"}.get(task.goal, "gap = 0")
+    names = [_meeting(task, feature) for feature in features]
     if not features:
         asked = "least gap = 0" if task.must_touch else f"gap >= {task.need:g}"
         rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
@@ -288,16 +298,31 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
             for parts, (site, normal) in nearest.items()
             if parts[1] < count
         )
+        names = [feature_of_site(*bodies, feature.parts, feature.site) for feature in features]
     return tuple(
         ContactRow(
-            feature_of_site(*bodies, feature.parts, feature.site).in_words(*bodies),
+            name.in_words(*bodies),
             contact_line(task.motion, feature.kind),
             {**seeds, "feature": frozen(feature.values), "rho": frozen(task.target)},
             np.empty(0),
             asked,
         )
-        for feature in features
+        for name, feature in zip(names, features, strict=True)
     )
+
+
+def _meeting(task: Task, points: FeaturePoints) -> Feature:
+    """Return the bodies' own elements that meet in a row: those of a part may be cuts, or lie on several of them.
+
+    What is tracked meets at rest, at the tracked pair; other contacts meet as drawn.
+    """
+    rho, pose, _ = task.tracked_contact(task.rest, 0.0) if task.tracked else (np.ones(2), task.pose(task.rest), ())
+    one, two = task.movable.parts[points.parts[0]], task.static.parts[points.parts[1]]
+    normal = points.normal(pose[:9].reshape(3, 3))
+    normal = normal / np.linalg.norm(normal)
+    contact = supporting_contact(one, two, normal, pose)
+    X, Y = placed_elements(one, two, pose, contact, rho)
+    return facing(one, two, pose, contact, rho, normal, float((Y[0] - X[0]) @ normal)).feature
 
 
 def _alignments(task: Task, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:

@@ -48,7 +48,11 @@ class FeaturePoints:
 
     def steepness(self, rotation: Array) -> float:
         """Return the length of the template's normal where `rotation`, (3, 3), turns body 1."""
-        return float(np.linalg.norm(crossed(*_spans(self.kind, _turned(self.kind, self.points.T, rotation)))))
+        return float(np.linalg.norm(self.normal(rotation)))
+
+    def normal(self, rotation: Array) -> Array:
+        """Return the template's normal, (3,), from body 1 to body 2, where `rotation` turns body 1; not of length 1."""
+        return self.sign * crossed(*_spans(self.kind, _turned(self.kind, self.points.T, rotation)))
 
 
 def feature_points(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import casadi
 import numpy as np
 import pytest
@@ -41,6 +43,20 @@ def test_functions_have_names_and_take_everything_as_input():
     for row in (rows.motion, contact, clearance):
         left = set(row.function.name_in()) - set(row.numbers)
         assert left == ({"q", "plane"} if row is clearance else {"q"})
+
+
+def test_a_row_of_a_cut_part_names_the_faces_that_meet():
+    """A roof in a V-block of two convex parts, one of which has the bottom of the groove as a corner of its own."""
+    roof = fo.Prism([(0, 0), (6, 6), (-6, 6)], 8.0, name="roof")
+    block = fo.Prism([(0, 0), (10, 10), (10, -8), (-10, -8), (-10, 10)], 8.0, name="block")
+    for goal in ("seat", "at"):
+        given = {"motion": SHIFT, "goal": goal, "contacts": "all", "tolerance": 0.02, "requirement": "A"}
+        rows = fo.contact_rows(fo.Problem(roof, block, **given))
+        names = [row.name.split(", ") for row in rows.contacts]
+        assert len(names) == 2
+        for one, two in names:
+            assert re.fullmatch(r"face \d of roof", one)
+            assert re.fullmatch(r"face \d of block", two)
 
 
 def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart_had_no_clearance():
