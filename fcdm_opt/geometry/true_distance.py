@@ -25,6 +25,7 @@ SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
 MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
+HALVINGS = 60
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
 TURN = 2.0 * np.pi - 1e-6
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
@@ -63,7 +64,7 @@ class FacePieces(NamedTuple):
                 a, b = own[side], own[(side + 1) % 3]
                 others[k, side] = known.get((min(a, b), max(a, b), patch), -1)
         whole = cls(faces.corners, faces.owners, others, np.zeros(len(others)))
-        return whole.only(~whole.in_holes(faces)).measured(faces.patches)
+        return whole.outside_holes(faces)[0].measured(faces.patches)
 
     def only(self, rows: Flags) -> FacePieces:
         """Return some of them."""
@@ -87,10 +88,40 @@ class FacePieces(NamedTuple):
         for plane, hole in faces.rims:
             rows = np.flatnonzero(self.patches == plane)
             found[rows] |= faces.in_hole(plane, hole, self.corners[rows], near)
-            if plane in _encircling(faces, hole):
-                radius = faces.patches[hole].surface.radius
-                found[rows] |= (_out(self.corners[rows], faces.patches[hole].surface) <= radius + near).all(axis=1)
         return found
+
+    def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
+        """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of.
+
+        A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
+        """
+        there = ~self.in_holes(faces)
+        found, of, near = self.only(there), np.flatnonzero(there), DEFAULT.tie * faces.body.size
+        for plane, hole in faces.rims:
+            rim = faces.patches[hole].surface
+            for _ in range(LEVELS if plane in _encircling(faces, hole) else 0):
+                own = found.patches == plane
+                out = np.where(own[:, None], _out(found.corners, rim) - rim.radius, np.inf)
+                on = np.abs(out) <= near
+                chords = on & np.roll(on, -1, axis=1) & (found.others < 0)
+                found = found._replace(others=np.where(chords, hole, found.others))
+                side, points = _crossing(found.corners, out, rim, near)
+                kept, cut = (out > near).any(axis=1) & (side < 0), side >= 0
+                if kept.all():
+                    break
+                halves = found.only(cut).halved(side[cut], points[cut])
+                of = np.concatenate([of[kept], np.tile(of[cut], 2)])
+                found = FacePieces(*(np.concatenate(own) for own in zip(found.only(kept), halves, strict=True)))
+        return found, of
+
+    def halved(self, side: Ints, points: Array) -> FacePieces:
+        """Return each piece in two, first all first halves, cut from a point of one of its sides, (n,) and (n, 3)."""
+        k, within = np.arange(len(side)), np.full(len(side), -1)
+        a, b, c = (self.corners[k, (side + turn) % 3] for turn in range(3))
+        ab, bc, ca = (self.others[k, (side + turn) % 3] for turn in range(3))
+        corners = np.concatenate([np.stack([a, points, c], axis=1), np.stack([points, b, c], axis=1)])
+        others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
+        return FacePieces(corners, np.tile(self.patches, 2), others, np.zeros(len(corners)))
 
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
@@ -111,21 +142,15 @@ class FacePieces(NamedTuple):
         """
         patches = faces.patches
         own = self.only(rows)
-        middles, k = own.middles(patches), np.arange(len(own.corners))
+        middles = own.middles(patches)
         bulge = norms(middles - (own.corners + np.roll(own.corners, -1, axis=1)) / 2.0)
         long = norms(own.corners - np.roll(own.corners, -1, axis=1))
         ruled = np.array([patch.surface.line is not None and not patch.surface.flat for patch in patches])[own.patches]
         much = np.maximum(small, np.where(ruled, 0.0, MUCH * long.max(axis=1)))
         side = np.where(bulge.max(axis=1) > much, bulge.argmax(axis=1), long.argmax(axis=1))
-        a, b, c = (own.corners[k, (side + turn) % 3] for turn in range(3))
-        ab, bc, ca = (own.others[k, (side + turn) % 3] for turn in range(3))
-        m, within = middles[k, side], np.full(len(k), -1)
-        corners = np.concatenate([np.stack([a, m, c], axis=1), np.stack([m, b, c], axis=1)])
-        others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
-        halves = FacePieces(corners, np.tile(own.patches, 2), others, np.zeros(len(corners)))
-        there, kept = ~halves.in_holes(faces), ~rows
-        halves = halves.only(there).measured(patches)
-        of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)[there]])
+        halves, half = own.halved(side, middles[np.arange(len(side)), side]).outside_holes(faces)
+        halves, kept = halves.measured(patches), ~rows
+        of = np.concatenate([np.flatnonzero(kept), np.tile(np.flatnonzero(rows), 2)[half]])
         return FacePieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
@@ -317,7 +342,7 @@ class FacesApart:
 def _encircling(faces: TrueFaces, number: int) -> list[int]:
     """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle.
 
-    Triangles of these may cut across what a chord leaves of the circle, where nothing is.
+    Triangles of these may reach across what a chord leaves of the circle, where nothing is.
     """
     surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
     for other in np.unique(both[(both == number).any(axis=1)]).tolist():
@@ -355,6 +380,37 @@ def _out(corners: Array, surface: Swept) -> Array:
     """Return how far out corners are in the space within a bore, cone or socket, in what its radius bounds there."""
     steep, slope = surface.line or (1.0, 0.0)
     return np.asarray(steep * norms(_across(corners, surface)) - slope * ((corners - surface.origin) @ surface.axis))
+
+
+def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints, Array]:
+    """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3).
+
+    The hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces.
+    """
+    ends = np.roll(corners, -1, axis=1)
+    there, far = np.roll(out, -1, axis=1), np.maximum(out, np.roll(out, -1, axis=1))
+    may = np.isfinite(out) & (far > near) & (out + there - norms(ends - corners) < -2.0 * near)
+    rows, sides = np.nonzero(may)
+    a, b = corners[rows, sides], ends[rows, sides]
+
+    def at(share: Array) -> Array:
+        return np.asarray(_out(a + share[:, None] * (b - a), rim) - rim.radius)
+
+    low, high = np.zeros(len(rows)), np.ones(len(rows))
+    for _ in range(HALVINGS):  # the least is between
+        one, two = low + (high - low) / 3.0, high - (high - low) / 3.0
+        falls = at(one) > at(two)
+        low, high = np.where(falls, one, low), np.where(falls, high, two)
+    inside, outside = (low + high) / 2.0, np.where(out[rows, sides] > there[rows, sides], 0.0, 1.0)
+    enters = at(inside) < -near
+    for _ in range(HALVINGS):
+        middle = (inside + outside) / 2.0
+        within = at(middle) < 0.0
+        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
+    found, points = np.full(len(corners), -1), np.zeros((len(corners), 3))
+    rows, sides, crossed = rows[enters], sides[enters], (a + inside[:, None] * (b - a))[enters]
+    found[rows], points[rows] = sides, crossed
+    return found, points
 
 
 def _farthest_after(

@@ -295,6 +295,18 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
 
 
+def test_less_than_a_pin_on_an_arm_turns_was_not_ruled_out_beside_the_rim_of_its_bore() -> None:
+    """Its axis, d from that of the turn, goes 2 d sin(a / 2) until the play is gone; the box is clear of the plate."""
+    d, r, play = 30.0, 4.0, 0.05
+    pin = fo.Cylinder(r, 10, base=(d, 0, -4.9))
+    arm = fo.joined(pin, fo.Box((70, 4, 2), centre=(0, 0, 4)))
+    hole = fo.Cylinder(r + play, 10, base=(d, 0, -5))
+    base = fo.cut(fo.Box((120, 40, 5), centre=(0, 0, -0.5)), hole)
+    solution = usable(asked(arm, base, fo.Rotation("z", centre=(0, 0, 0)), length=1.0))
+    assert solution.amount == pytest.approx(2.0 * math.asin(play / 2.0 / d), **NEAR)
+    assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
+
+
 @pytest.mark.slow
 def test_less_than_a_pin_tilts_in_its_bore_was_not_ruled_out() -> None:
     """How far faces are apart at most was forgotten between looks, and all pairs of pieces were looked at."""
