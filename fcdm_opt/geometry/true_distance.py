@@ -26,6 +26,9 @@ LEVELS = 40  # of cuts
 MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 HALVINGS = 60
+LITTLE = 0.1  # of what is open
+CHUNK = 16_384  # pairs of pieces whose motions are looked at together
+SURELY = 1.0 + 1e-6  # what is rounded: a hundred times what second derivatives by differences are off
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
 TURN = 2.0 * np.pi - 1e-6
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
@@ -154,6 +157,66 @@ class FacePieces(NamedTuple):
         return FacePieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
+class Rates(NamedTuple):
+    """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount.
+
+    Attributes
+    ----------
+    first : (k, 3, 4) array
+        Derivatives of its pose by each.
+    second : (k, k, 3, 4) array
+        By each two; zero where nothing turns.
+    """
+
+    first: Array
+    second: Array
+
+    @property
+    def spin(self) -> float:
+        """Radians at most that it turns by, per unit of the amount."""
+        return float(np.linalg.norm(self.first[:, :, :3])) / np.sqrt(2.0)
+
+    def at(self, points: Array) -> Array:
+        """Return what points, (m, 3), do per unit of each coordinate, (m, k, 3)."""
+        return np.einsum("kxy,my->mkx", self.first[:, :, :3], points) + self.first[:, :, 3]
+
+    def farthest(self, points: Array, errors: float, amount: float) -> float:
+        """Return how far points, or others within `errors` of them, go at most per unit of the amount, up to one."""
+        if not self.spin:
+            return float(np.linalg.norm(self.first[:, :, 3], 2))
+        speed = float(np.linalg.norm(self.at(points), axis=(1, 2)).max(initial=0.0)) + self.spin * errors
+        return speed * (1.0 + 2.0 * self.spin * amount)
+
+    def along(self, directions: Array, corners: Array) -> Array:
+        """Return how far a triangle's corners, (m, 3, 3), go at most along directions, (m, d, 3), to first order."""
+        if not self.spin:
+            return np.asarray(np.linalg.norm(directions @ self.first[:, :, 3].T, axis=-1))
+        each = (directions @ np.moveaxis(self.at(corners[:, c]), 1, 2) for c in range(3))
+        return reduce(np.maximum, (np.linalg.norm(own, axis=-1) for own in each))
+
+    def least(self, apart: Array, u: Array, corners: Array, errors: Array, goal: float) -> Array:
+        """Return amounts, up to `goal`, below which triangles, within errors, go no farther along u, (m, 3), than that.
+
+        To second order no q with |q| <= a does more than (m a^2 + g (m - H)^-1 g) / 2, g and H along u, for any m above
+        the eigenvalues of H (Lagrange); m is that of the goal. As each step turns about an axis, a third derivative is
+        at most 3 (spin a)^2 times the speed.
+        """
+        one, turned = np.eye(len(self.first)), self.spin * goal
+        square, constant = np.zeros(len(u)), np.zeros(len(u))
+        for own in np.moveaxis(corners, 1, 0):
+            g = np.einsum("mkx,mx->mk", self.at(own), u)
+            H = np.einsum("klxy,mx,my->mkl", self.second[..., :3], u, own)
+            H = H + np.einsum("klx,mx->mkl", self.second[..., 3], u)
+            size = np.maximum(np.linalg.norm(g, axis=1), SMALLEST)
+            bend = np.einsum("mk,mkl,ml->m", g, H, g) / size**2
+            m = np.maximum(size / goal + bend, 2.0 * np.linalg.norm(H, axis=(1, 2)))
+            inverse = np.linalg.solve(m[:, None, None] * one - H, g[..., None])[..., 0]
+            square, constant = np.maximum(square, m / 2.0), np.maximum(constant, (g * inverse).sum(axis=1) / 2.0)
+        speed = self.farthest(corners.reshape(-1, 3), 0.0, goal)
+        free = apart / SURELY - constant - turned**2 * speed * goal / 2.0 - turned * errors
+        return np.minimum(np.sqrt(np.maximum(free, 0.0) / square), goal)
+
+
 class FacesApart:
     """Two bodies at scale 1 that are apart, in pieces that are cut further with each question.
 
@@ -208,42 +271,50 @@ class FacesApart:
             self._cut(pairs, small, np.zeros((2, len(pairs)), bool))
         return 0.0
 
-    def least_shift(self, directions: Array, most: float, goal: float) -> float:
-        """Return a length below which no shift makes them touch, `goal` where it is no less.
+    def least_amount(self, rates: Rates, most: float, goal: float) -> float:
+        """Return an amount below which no motion makes them touch, `goal` where it is no less.
 
-        Two convex sets are apart by some plane whose normal u shows what their distance is in a norm of shifts: of all
-        planes the largest gap along u over the largest shift along u (duality). Of pieces some of these are tried.
+        Two convex sets are apart by some plane whose normal u shows how far motions must go: the gap along u over what
+        a unit of the amount moves the first one along it at most; in shifts the largest such number is what they need
+        (duality). Of pieces some planes are tried.
 
         Parameters
         ----------
-        directions : (3, m) array
-            Shift of body 1 for each of m coordinates, whose Euclidean norm is the length.
+        rates : Rates
+            Of body 1, as the motion begins.
         most : float
-            Of a shift with which they touch.
+            Of a motion with which they touch.
         goal : float
             Below `most`: to show more is not asked for.
         """
-        far = float(np.linalg.norm(directions, 2))
+        far = rates.farthest(self._pieces[0].corners.reshape(-1, 3), self._pieces[0].errors.max(), most)
         one, two = (own.corners for own in self._pieces)
-        self._nearest = _near(one, two, [own.errors for own in self._pieces], most * far)
+        self._nearest, low = _near(one, two, [own.errors for own in self._pieces], most * far), 0.0
         for _ in range(LEVELS):
             (i, j), errors = self._nearest.T, [own.errors for own in self._pieces]
             one, two = self._pieces[0].corners[i], self._pieces[1].corners[j]
             self.remaining -= len(i)
-            kept, may = self._stay_within(self._nearest, directions, goal)
-            lows = np.where(kept.any(axis=0), goal, _separations(one, two, errors[0][i] + errors[1][j], directions))
-            near = lows < goal
+            kept, may = self._stay_within(self._nearest, rates, goal)
+            missed = errors[0][i] + errors[1][j]
+            lows = np.full(len(i), goal)
+            for rows in np.split(np.flatnonzero(~kept.any(axis=0)), range(CHUNK, len(i), CHUNK)):
+                lows[rows] = _separations(one[rows], two[rows], missed[rows], rates, goal)
+            near, least = lows < goal, int(lows.argmin()) if len(lows) else 0
             if not near.any():
                 return goal
-            if self.remaining < 0:
+            low = float(lows[least])
+            coarse = missed[least] + rates.spin * goal * float(norms(np.ptp(one[least], axis=0)))
+            if self.remaining < 0 or (
+                rates.spin and coarse < LITTLE * (goal - low) * far
+            ):  # smaller pieces show no more
                 break
             self._nearest = self._nearest[near]
             self._cut(self._nearest, (most - goal) * far, may[:, near])
             pacing.check()
-        return max(float(lows.min()), 0.0)
+        return max(low, 0.0)
 
-    def _stay_within(self, pairs: Ints, directions: Array, length: float) -> tuple[Flags, Flags]:
-        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such shifts.
+    def _stay_within(self, pairs: Ints, rates: Rates, amount: float) -> tuple[Flags, Flags]:
+        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such motions.
 
         And of which a smaller piece may, as its corners are in it now.
         """
@@ -254,7 +325,7 @@ class FacesApart:
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)
                 its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
-                far = _farthest_after(own.corners[its], own.errors[its], most, surface, directions, length)
+                far = _farthest_after(own.corners[its], own.errors[its], most, surface, rates, amount)
                 found[k, rows] |= far < room[rows]
                 may[k, rows] |= _out(own.corners[its], surface).max(axis=1) < room[rows]
         return found, may
@@ -414,27 +485,30 @@ def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints
 
 
 def _farthest_after(
-    corners: Array, errors: Array, farthest: Array, surface: Swept, directions: Array, length: float
+    corners: Array, errors: Array, farthest: Array, surface: Swept, rates: Rates, amount: float
 ) -> Array:
-    """Return how far out pieces are in the space within a surface after any shift of that length, at most, (m,).
+    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,).
 
     Where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
     corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
-    `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal is the shift more
-    than |D| l, nor than those of the normal's parts across the axis and along it.
+    `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
+    farther than |D| l, nor than the normal's parts across the axis and along it.
     """
+    moves = rates.at(corners.reshape(-1, 3)).reshape(*corners.shape[:2], -1, 3) if rates.spin else rates.first[:, :, 3]
     off, across = corners - surface.origin, np.eye(3)
     steep, slope = surface.line or (1.0, 0.0)
     if surface.line is not None:
         across = across - np.outer(surface.axis, surface.axis)
-    room, aside, far = errors[:, None], off @ across, float(np.linalg.norm(across @ directions, 2))
-    a = np.minimum(norms(aside) + room, farthest[0][:, None])
-    b = np.minimum(np.linalg.norm(aside @ directions, axis=-1) + room * far, a * far)
-    most = np.sqrt(a * a + 2.0 * length * b + (length * far) ** 2)
-    lift = float(np.linalg.norm(surface.axis @ directions))
-    along = off @ surface.axis - np.sign(slope) * (room + length * lift)
-    push = length * min(float(np.linalg.norm(directions, 2)), float(steep * far + abs(slope) * lift))
-    return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push)
+    aside, far, speed = off @ across, *(np.linalg.norm(own, 2, axis=(-2, -1)) for own in (moves @ across, moves))
+    bend = rates.spin * amount * (errors[:, None] + rates.farthest(corners.reshape(-1, 3), 0.0, amount) * amount)
+    room = errors[:, None] + bend
+    a = np.minimum(norms(aside) + room, farthest[0][:, None] + bend)
+    b = np.minimum(np.linalg.norm((moves * aside[..., None, :]).sum(axis=-1), axis=-1) + room * far, a * far)
+    most = np.sqrt(a * a + 2.0 * amount * b + (amount * far) ** 2)
+    lift = np.linalg.norm(moves @ surface.axis, axis=-1)
+    along = off @ surface.axis - np.sign(slope) * (room + amount * lift)
+    push = bend + amount * np.minimum(speed, steep * far + abs(slope) * lift)
+    return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push.max(axis=1))
 
 
 def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:
@@ -477,27 +551,38 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
     return new
 
 
-def _separations(one: Array, two: Array, errors: Array, shifts: Array | None = None) -> Array:
+def _separations(one: Array, two: Array, errors: Array, rates: Rates | None = None, goal: float = 0.0) -> Array:
     """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these.
 
-    The largest separation along some directions, each over the largest shift along it: in the norm of `shifts`, see
-    `FacesApart.least_shift`.
+    The largest separation along some directions; with `rates`, of such pieces the amount below which they do not meet,
+    known up to `goal`, see `FacesApart.least_amount`.
     """
     sides = [own - np.roll(own, -1, axis=1) for own in (one, two)]
     normals, between = [unit_normals(own) for own in (one, two)], two.mean(axis=1) - one.mean(axis=1)
     directions = [normals[0][:, None], normals[1][:, None], between[:, None]]
     directions += [cross(sides[0][:, [k] * 3], sides[1]) for k in range(3)]
     directions += [cross(own, n[:, None]) for own, n in zip(sides, normals, strict=True)]
-    if shifts is not None:  # of points these are the best: what no shift does at all, else what the shortest one is
-        inverse = np.linalg.pinv(shifts)
-        directions += [(between - between @ inverse.T @ shifts.T)[:, None], (between @ inverse.T @ inverse)[:, None]]
+    if rates is not None:  # of points these are the best: what no motion does at all, else what the shortest one is
+        moves = rates.at(one.mean(axis=1)) if rates.spin else rates.first[None, :, :, 3]
+        inverse = np.linalg.pinv(moves)  # (m, 3, k)
+        least = np.einsum("mxk,mx->mk", inverse, between)
+        directions += [(between - np.einsum("mkx,mk->mx", moves, least))[:, None]]
+        directions += [np.einsum("mxk,mk->mx", inverse, least)[:, None]]
     every = np.concatenate(directions, axis=1)
     length = norms(every)
     every = every / np.maximum(length, SMALLEST)[..., None]
     heights = ([dots(every, own[:, None, k]) for k in range(3)] for own in (one, two))
     (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
     apart = np.maximum(under - high, low - over) - errors[:, None]
-    if shifts is not None:
-        along = np.linalg.norm(every @ shifts, axis=-1)
-        apart = np.divide(apart, along, out=np.where(apart > 0.0, np.inf, -np.inf), where=along > SMALLEST)
-    return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))
+    if rates is None:
+        return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))
+    along = rates.along(every, one)
+    if rates.spin:  # what is not of first order is small beside this
+        along = along + rates.spin * goal * rates.farthest(one.reshape(-1, 3), 0.0, goal)
+    found = np.divide(apart, along, out=np.where(apart > 0.0, np.inf, -np.inf), where=along > SMALLEST)
+    found = np.where(length > SMALLEST, found, -np.inf)
+    best = np.arange(len(one)), found.argmax(axis=1)
+    if not rates.spin:
+        return np.asarray(found[best])
+    u = every[best] * np.where(under[best] - high[best] >= low[best] - over[best], 1.0, -1.0)[:, None]
+    return rates.least(apart[best], u, one, errors, goal)

@@ -31,6 +31,8 @@ SHORTEST = 20.0
 """Seconds that either of the other searches may take at least; else as long as the one about the bodies as given. Of a
 search that this ends nothing is told: it would depend on the machine."""
 
+NEARLY = 0.94  # of the amount: bodies about the true ones show no more, mostly
+
 REFUSED = (*IMPOSSIBLE, Status.NOT_FOUND)
 """What may be said of bodies only because their facets stick out of round faces."""
 
@@ -137,7 +139,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
         return solution
     with suppress(pacing.TimeOverError):
         low, whole = apart_until(problem.of_facets, amount, longer=certify) or (0.0, False)
-        if whole:
+        if whole or low > NEARLY * amount:
             return _between(solution, min(low, _least(solution, amount)), amount)
         outer = _about(problem.of_facets, _Scene(one[1], two[1], ()))
         if _gap_at_rest(outer) >= 0.0:  # else they ask for another motion, which takes them apart

@@ -17,7 +17,7 @@ from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
 from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
-from fcdm_opt.geometry.true_distance import FacesApart
+from fcdm_opt.geometry.true_distance import FacesApart, Rates
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.model import apart_until
@@ -273,9 +273,11 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     low, near = apart_until.apart_until(problem, amount)
     assert near
     assert amount * (1.0 - 1e-4) <= low <= amount
-    directions = np.column_stack([step.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3] for step in motion.steps])
+    shifts = np.array([step.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3] for step in motion.steps])
+    first = np.concatenate([np.zeros((len(shifts), 3, 3)), shifts[:, :, None]], axis=2)
+    rates = Rates(first, np.zeros((len(shifts), *first.shape)))
     apart = FacesApart(faces, 10_000)
-    assert apart.least_shift(directions, 1.02 * amount, 1.01 * amount) <= amount
+    assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
 
 
 def test_bodies_about_parts_that_overlap_as_drawn_showed_what_true_parts_need(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,6 +295,37 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     solution = usable(asked(fo.Cylinder(r, 60, base=(0, 0, -20)), plate(R), turn, length=1.0), effort="quick")
     a = solution.amount
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
+
+
+@pytest.mark.parametrize("play", [0.1, 0.01])
+def test_less_than_any_motion_of_several_parameters_was_bracketed_as_coarsely_as_facets_are(play: float) -> None:
+    """A ball above a floor comes nearest by a shift alone, a bar by one with a turn, whose weight is its length."""
+    floor = fo.Box((20, 20, 4), centre=(0, 0, -7 - play))
+    ball = usable(asked(fo.Sphere(5.0), floor, fo.Free()))
+    assert ball.amount == pytest.approx(play, **NEAR)
+    assert ball.amount_low >= (1.0 - 0.1 * play) * ball.amount
+    rod = fo.Cylinder(5.0, 60.0, base=(-30, 0, 0), axis=(1, 0, 0))
+    solution = usable(asked(rod, floor, Z >> fo.Rotation("y", centre=(0, 0, 0)), length=20.0))
+    z, a = map(abs, solution.parameters.values())
+    # below the axis, turned after it was shifted, at the floor's edge, 10 off the middle
+    assert (z + 5.0) / math.cos(a) + 10.0 * math.tan(a) == pytest.approx(5.0 + play, rel=1e-10)
+    assert solution.amount == pytest.approx(play / math.hypot(1.0, 10.0 / 20.0), rel=play)
+    assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
+
+
+def test_no_more_is_shown_of_motions_that_turn_than_is_true() -> None:
+    """Asked to show half as much again as a motion that makes them touch: a ball and a cone, a ring and a bar."""
+    pose = np.eye(4)
+    pose[:3, :3] = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]]
+    cone, bar = fo.Cone(5.0, 2.0, 12.0, base=(11.5, 0, -3)), fo.Cylinder(3.0, 20.0, base=(12, 1, -9))
+    about = fo.Rotation("z", centre=(0, 30, 0)) >> fo.Rotation("y")
+    for one, two, motion in ((fo.Sphere(5.0), cone, X >> fo.Rotation("z")), (fo.Torus(6.0, 2.0), bar, about)):
+        problem = asked(one.moved(pose), two, motion)
+        amount = usable(problem, effort="quick").amount
+        bodies = list(problem.bodies[:2])
+        rates = apart_until._rates(problem, bodies)
+        apart = FacesApart([true_faces(body) for body in bodies], 30_000)
+        assert 0.25 * amount < apart.least_amount(rates, 1.5 * amount, 1.45 * amount) <= amount
 
 
 def test_less_than_a_pin_on_an_arm_turns_was_not_ruled_out_beside_the_rim_of_its_bore() -> None:
