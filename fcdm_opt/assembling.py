@@ -30,7 +30,7 @@ from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.contacts_restored import RESTORED, restoring_shift, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import UNMET, Solution, Status
 from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
@@ -85,7 +85,7 @@ class _Met(NamedTuple):
     def why_not(self) -> str:
         """Which contacts are not met, in words."""
         more = " together" * (len(self.names) > 1)
-        unmet = f"cannot be met{more}" if self.status is Status.INFEASIBLE else f"not met{more}: {self.status.words}"
+        unmet = f"{UNMET}{more}" if self.status is Status.INFEASIBLE else f"not met{more}: {self.status.words}"
         return f"contact{'s' * bool(more)} {', '.join(self.names)} {unmet}"
 
 

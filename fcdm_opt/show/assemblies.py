@@ -96,7 +96,7 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     assembly = solution.assembly
     if not solution.status.found:
         barred = barring(assembly)
-        return f"{solution.advice} {barred[:1].upper()}{barred[1:]}." if barred else solution.advice
+        return f"{solution.explained} {barred[:1].upper()}{barred[1:]}." if barred else solution.explained
     if solution.status.name == "OUTSIDE_FIT":
         what = "does not fit: the only motions found take a part out of the place it is drawn in"
         return "; ".join(filter(None, (what, barring(assembly))))

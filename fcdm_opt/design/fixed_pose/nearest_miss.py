@@ -14,7 +14,7 @@ from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
 from fcdm_opt.model.true_faces import Exchange
@@ -103,7 +103,7 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
     each = zip(faces, own.points, strict=False)
     between = Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(*bodies)
     more = f", {measured(problem.clearance, problem.unit, 4)} asked" if problem.clearance > 0.0 else ""
-    return q, [f"{between} {_state(own.gap + asked.need, 0.0, problem.unit)}{more}"]
+    return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit)}{more}"]
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
@@ -117,7 +117,7 @@ def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
             gap, one = float(gaps[k]), at.only(np.array([k]))
             between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
             asked = f", {measured(own.low, unit, 4)} asked" if own.low > 0.0 else ""
-            yield max(own.low - gap, gap - own.high), f"{between} {_state(gap, slack, unit)}{asked}"
+            yield max(own.low - gap, gap - own.high), f"{between} {gap_text(gap, slack, unit)}{asked}"
 
 
 def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
@@ -152,11 +152,6 @@ def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
     for owner, gap in zip(owners or [problem.tracked_features] * len(each), each, strict=True):
         worst[owner] = max(worst.get(owner, 0.0), gap, key=abs)
     return q, [
-        f"{'; '.join(dict.fromkeys(own.in_words(*bodies) for own in owner))} {_state(gap, 0.0, problem.unit)}"
+        f"{'; '.join(dict.fromkeys(own.in_words(*bodies) for own in owner))} {gap_text(gap, 0.0, problem.unit)}"
         for owner, gap in sorted(worst.items(), key=lambda own: -abs(own[1])) if abs(gap) > NEAR * task.size
     ]  # fmt: skip
-
-
-def _state(gap: float, slack: float, unit: str) -> str:
-    length = measured(abs(gap), unit, 4)
-    return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"
