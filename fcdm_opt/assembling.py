@@ -19,6 +19,7 @@ from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
+from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
@@ -201,13 +202,16 @@ class _Solving:
         touching = [touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
         exchanges = [own for own in rounds if own is not None]
-        if len(exchanges) < len(group) or self._assembly.amount != "weighted":
+        if len(exchanges) < len(group) or (assembly := self._assembly).amount != "weighted":
             return None
         if (found := restoring_shift(asked)) is None:
             return None
         if found.q is None:
-            names = ", ".join(map(str, group))
-            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (f"{names}: {EXCLUDED}",))
+            names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
+            both = zip(group, found.left, strict=True)
+            left = "; ".join(f"{pair} {gap_text(max(gaps, key=abs), slack, assembly.unit)}" for pair, gaps in both)
+            told = f"{names}: {EXCLUDED}; at the shifts nearest to that {left}"
+            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (told,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
         for own, points in zip(exchanges, found.points, strict=True):
             own.add(points)

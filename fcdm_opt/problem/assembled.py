@@ -178,14 +178,13 @@ class AssemblySolution(Bounded):
         """Why there are no motions to use, see `Solution.reason`."""
         if self.status is not Status.INFEASIBLE or verdict(self.assembly):
             return self._why_not
-        return "; ".join(map(self._with_miss, self.active))
-
-    def _with_miss(self, why: str) -> str:
-        """Return why a contact is not met, of one that is a problem of its own with what lacks at the nearest pose."""
-        own = filter(self.assembly.is_own, self.assembly.contacts)
-        pair = next((pair for pair in own if why == f"contact {pair} {UNMET}"), None)
-        miss = "" if pair is None else nearest_miss(self.assembly.problem(pair))
-        return f"{why}: {miss}" if miss else why
+        told = list(self.active)
+        for pair in filter(self.assembly.is_own, self.assembly.contacts):
+            heads = f"{pair}: ", f"contact {pair} {UNMET}"
+            k = next((k for k, why in enumerate(told) if why.startswith(heads)), None)
+            if k is not None and (miss := nearest_miss(self.assembly.problem(pair))):
+                told[k] = f"{told[k]}: {miss}" if told[k] == heads[1] else f"{pair}: {miss}; {told[k]}"
+        return "; ".join(told)
 
     @cached_property
     def sensitivity(self) -> AssemblySensitivity:

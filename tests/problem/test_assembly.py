@@ -1064,6 +1064,19 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
         assert solution.to_dict()["reason"] == solution.reason
         with pytest.raises(fo.errors.UnsolvedError, match=re.escape(solution.reason[1:])):
             fo.solve(solution.assembly, throw=True)
+        page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+        answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
+        assert solution.reason[1:] in answer
+
+
+def test_how_far_true_faces_are_from_touching_again_was_not_told() -> None:
+    """A ball 1 % larger than the room between two walls overlaps each by half of what its diameter has grown."""
+    walls = {name: fo.Box((4, 40, 20), centre=(x, 0, 10)) for name, x in (("left", -7), ("right", 7))}
+    parts = {"ball": fo.Sphere(5, centre=(0, 0, 5)), **walls}
+    asked = {"motions": {"ball": X >> Z}, "scales": {"ball": 1.01}, "unit": "mm"}
+    solution = fo.solve(fo.Assembly(parts, [("ball", name) for name in walls], **asked))
+    assert solution.status is Status.INFEASIBLE
+    assert "nearest to that ball - left overlap by 0.05 mm; ball - right overlap by 0.05 mm" in solution.reason
 
 
 def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_none(monkeypatch) -> None:

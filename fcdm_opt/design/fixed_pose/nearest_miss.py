@@ -13,11 +13,13 @@ from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
 from fcdm_opt.model.true_faces import Exchange
+from fcdm_opt.problem.contacts_restored import flat_contacts, restoring_shift, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
@@ -36,7 +38,8 @@ def nearest_miss(problem: Problem) -> str:
     """
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""
-    q, told = _untouched(problem) if problem.goal in ("touch", "clear") else _contact_missed(problem)
+    missed = _untouched if problem.goal in ("touch", "clear") else _contact_missed
+    q, told = (missed if touching_again(problem) is None else _unrestored)(problem)
     if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
@@ -98,12 +101,28 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
             q, near = ahead, there
         else:
             radius *= SHRINK
-    own, bodies = near[0], (problem.movable, problem.static)
-    faces = [true_faces(body) for body in bodies]
-    each = zip(faces, own.points, strict=False)
-    between = Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(*bodies)
+    own, between = near[0], _between(problem.movable, problem.static, near[0])
     more = f", {measured(problem.clearance, problem.unit, 4)} asked" if problem.clearance > 0.0 else ""
     return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit)}{more}"]
+
+
+def _between(movable: Body, static: Body, met: NearestPoints) -> str:
+    """Return the true faces that are nearest to each other, in words."""
+    each = zip(map(true_faces, (movable, static)), met.points, strict=False)
+    return Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(movable, static)
+
+
+def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
+    """Return the shift at which contacts of true faces as drawn lack least, and what lacks there, worst first."""
+    found, asked = restoring_shift([problem]), problem.of_facets
+    if found is None or found.nearest is None:
+        return np.zeros(len(problem.limits)), []
+    bodies = [*asked.bodies_made.values()]
+    names = [_between(*bodies, own) for own in found.points[0]]
+    names += [own.in_words(*bodies) for own in flat_contacts(asked)]
+    told = sorted(zip(found.left[0].tolist(), names, strict=True), key=lambda own: -abs(own[0]))
+    gone = [f"{name} {gap_text(gap, 0.0, problem.unit)}" for gap, name in told if abs(gap) > NEAR * problem.size]
+    return found.nearest, gone
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
