@@ -662,15 +662,19 @@ class _Told:
 
     def _too_near(self) -> tuple[str, ...]:
         """Return which parts overlap by how much where they do least, or are how much nearer than they are to be."""
-        low, high, found = 0.0, 2.0, tuple[str, ...]()
+        tasks, found, low = [own.task for own in self.systems], tuple[str, ...](), 0.0
+        high = max(float((own.needs - own.pair_gaps(own.start)).max()) for own in tasks) / tasks[0].size  # at rest
+        short = high
         while high - low > LEAST_SHORT * high:
-            short = 0.5 * (low + high)
             z = least([own.nearer(short) for own in self.systems])[0]
             if z is None:
                 low = short
-                continue
-            high, first = short, self.systems[0]
-            found = tuple(told for own in self.systems for told in own.overlaps(first.q(z)))[:MOST_VIOLATED]
+            else:
+                high, q = short, self.systems[0].q(z)
+                found = tuple(told for own in self.systems for told in own.overlaps(q))[:MOST_VIOLATED]
+            short = 0.5 * (low + high)
+            if not found:
+                break
         return found
 
     @cached_property
