@@ -208,10 +208,10 @@ class _Solving:
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
-            both = zip(group, found.left, strict=True)
-            left = "; ".join(f"{pair} {gap_text(max(gaps, key=abs), slack, assembly.unit)}" for pair, gaps in both)
-            told = f"{names}: {EXCLUDED}; at the shifts nearest to that {left}"
-            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (told,))
+            both = zip(group, found.remaining, strict=True)
+            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in both)
+            why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
+            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
         for own, points in zip(exchanges, found.points, strict=True):
             own.add(points)

@@ -247,9 +247,9 @@ def opened_files(
             made = tuple(make(path, wanted=names, refused=refused))
             if refused and not made:
                 raise refused[0][1]
-            told = tuple((name, _refused(reason, file=path)) for name, reason in refused)
-            error = "; ".join(text for _, text in told) or None
-            files.append(OpenedFile(path, own.title, own.note, made, error, told))
+            errors = tuple((name, _refused(reason, file=path)) for name, reason in refused)
+            error = "; ".join(text for _, text in errors) or None
+            files.append(OpenedFile(path, own.title, own.note, made, error, errors))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
     return files

@@ -178,13 +178,13 @@ class AssemblySolution(Bounded):
         """Why there are no motions to use, see `Solution.reason`."""
         if self.status is not Status.INFEASIBLE or verdict(self.assembly):
             return self._why_not
-        told = list(self.active)
+        reasons = list(self.active)
         for pair in filter(self.assembly.is_own, self.assembly.contacts):
             heads = f"{pair}: ", f"contact {pair} {UNMET}"
-            k = next((k for k, why in enumerate(told) if why.startswith(heads)), None)
+            k = next((k for k, why in enumerate(reasons) if why.startswith(heads)), None)
             if k is not None and (miss := nearest_miss(self.assembly.problem(pair))):
-                told[k] = f"{told[k]}: {miss}" if told[k] == heads[1] else f"{pair}: {miss}; {told[k]}"
-        return "; ".join(told)
+                reasons[k] = f"{reasons[k]}: {miss}" if reasons[k] == heads[1] else f"{pair}: {miss}; {reasons[k]}"
+        return "; ".join(reasons)
 
     @cached_property
     def sensitivity(self) -> AssemblySensitivity:

@@ -158,10 +158,10 @@ class AssemblyFile(Entry, title="Assembly file"):
                 except InputError as reason:
                     head = (reason.key or "").replace("[", ".").split(".")[0]
                     place = f"case[{k}] {case.name!r}"
-                    told = reason if head in own else _renamed(reason)
+                    error = reason if head in own else _renamed(reason)
                     if refused is None:
-                        raise (told.within(key=place) if head in own else told) from reason
-                    refused.append((case.name, told.within(key=place)))
+                        raise (error.within(key=place) if head in own else error) from reason
+                    refused.append((case.name, error.within(key=place)))
         return tuple(made)
 
     def _asked(

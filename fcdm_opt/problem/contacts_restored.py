@@ -74,7 +74,7 @@ class RestoringShift(NamedTuple):
         Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these.
     nearest : (k,) array or None
         Without one, the motion parameters at which the squares of all gaps are least.
-    left : tuple of arrays
+    remaining : tuple of arrays
         Gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap.
     """
 
@@ -82,7 +82,7 @@ class RestoringShift(NamedTuple):
     points: list[list[NearestPoints]]
     bound: float
     nearest: Array | None = None
-    left: tuple[Array, ...] = ()
+    remaining: tuple[Array, ...] = ()
 
 
 def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
@@ -119,9 +119,9 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
             bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
             return RestoringShift(q, points, bound) if inside.all() else None
         further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
-        left = gaps + slopes @ (further - y)
-        if np.abs(left).max() > max(own.contact_slack for own in asked):
-            each = tuple(np.split(left, ends[:-1]))
+        remaining = gaps + slopes @ (further - y)
+        if np.abs(remaining).max() > max(own.contact_slack for own in asked):
+            each = tuple(np.split(remaining, ends[:-1]))
             return RestoringShift(None, points, np.inf, further / first.weights, each) if plane.all() else None
         y = further
     return None

@@ -62,8 +62,8 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
-    told = (*(() if solution.usable else solution.active), solution.doubt)
-    return [text for text in told if text[1:] not in verdict]
+    texts = (*(() if solution.usable else solution.active), solution.doubt)
+    return [text for text in texts if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:

@@ -89,8 +89,8 @@ def violated(question: Scene) -> tuple[str, ...]:
     """
     if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
         return ()
-    told = _Told([System.of(Task.of(question))], [""])
-    return () if told.conflicts else told.violated
+    asked = _Told([System.of(Task.of(question))], [""])
+    return () if asked.conflicts else asked.violated
 
 
 def among_others(task: Task) -> Answer | None:
@@ -468,12 +468,12 @@ class System:
     def lost(self, q: Array) -> list[str]:
         """Return which contacts a motion leaves without what their elements share, and how far these are apart."""
         task, pose, slack, found = self.task, self.task.pose(q), DEFAULT.cut * self.task.size, list[str]()
-        flush = {seat.touching: seat for seat in task.seats}
+        flush = {own.touching: own for own in task.seats}
         for joint in task.joints:
             gap = min((float(task.separations(parts, pose)[2].max()) for parts in joint.carriers), key=abs)
-            seat, name = flush.get(joint.feature), joint.feature.in_words(task.movable, task.static)
-            if seat is not None and not seat.holds(pose, task.target, slack):
-                gap = max(gap, -seat.overlap(pose, task.target).depth)
+            plane, name = flush.get(joint.feature), joint.feature.in_words(task.movable, task.static)
+            if plane is not None and not plane.holds(pose, task.target, slack):
+                gap = max(gap, -plane.overlap(pose, task.target).depth)
                 found.append(f"{name} lose each other, by {measured(max(gap, 0.0), task.length_unit, 4)}")
             elif gap > slack:
                 found.append(f"{name} lose each other, by {measured(gap, task.length_unit, 4)}")
@@ -647,17 +647,17 @@ class _Told:
             if z is None:
                 continue
             q = np.where(np.abs(z) <= DEFAULT.tie, 0.0, z * first.size / first.weights)
-            found = [told for own in self.systems for told in own.overlaps(q)] * (kinds[0] in dropped)
+            found = [text for own in self.systems for text in own.overlaps(q)] * (kinds[0] in dropped)
             found += self.systems[0].past_limits(q) * (kinds[1] in dropped)
-            found += [told for own in self.systems for told in own.lost(q)] * (kinds[2] in dropped)
+            found += [text for own in self.systems for text in own.lost(q)] * (kinds[2] in dropped)
             moved = zip(first.motion.parameters, q.tolist(), strict=True)
             where = ", ".join(f"{name} {_parameter(x, kind, first.length_unit)}" for (name, kind), x in moved if x)
             where = f" ({where})" * bool(where)
-            told = f"{where} {'; '.join(found[:MOST_VIOLATED])}"
+            text = f"{where} {'; '.join(found[:MOST_VIOLATED])}"
             if found and count:
-                return (f"with {'all contacts' if count > 1 else 'the contact'} closed{told}",)
+                return (f"with {'all contacts' if count > 1 else 'the contact'} closed{text}",)
             if found:
-                return (*self._too_near(), f"with limits set aside{told}")
+                return (*self._too_near(), f"with limits set aside{text}")
         return () if count else self._too_near()
 
     def _too_near(self) -> tuple[str, ...]:
@@ -671,7 +671,7 @@ class _Told:
                 low = short
             else:
                 high, q = short, self.systems[0].q(z)
-                found = tuple(told for own in self.systems for told in own.overlaps(q))[:MOST_VIOLATED]
+                found = tuple(text for own in self.systems for text in own.overlaps(q))[:MOST_VIOLATED]
             short = 0.5 * (low + high)
             if not found:
                 break
@@ -858,8 +858,8 @@ def _widened(rows: Array) -> Array:
 def _overlapping(task: Task, gaps: Array, rates: Array) -> tuple[str, ...]:
     """Return which contacts overlap whatever the motion, and by how much."""
     flat = (np.linalg.norm(rates, axis=1) <= DEFAULT.tie) & (gaps < -DEFAULT.touch)
-    told = (
+    texts = (
         f"contact {k + 1} overlaps by {measured(-gaps[k] * task.size, task.length_unit, 4)} whatever the motion"
         for k in np.flatnonzero(flat).tolist()
     )
-    return tuple(told) or ("some contact always overlaps",)
+    return tuple(texts) or ("some contact always overlaps",)

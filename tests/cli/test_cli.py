@@ -423,6 +423,7 @@ tolerance = 0.02
     (case,) = document(run("solve", path, "--json").stdout)[0]["cases"]
     assert case["snapped"]["gap"] == pytest.approx(2.5e-7, rel=1e-6)
 
+
 LOST = """
 [[size]]
 name = "width"

@@ -117,12 +117,12 @@ def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
     found, asked = restoring_shift([problem]), problem.of_facets
     if found is None or found.nearest is None:
         return np.zeros(len(problem.limits)), []
-    bodies = [*asked.bodies_made.values()]
-    names = [_between(*bodies, own) for own in found.points[0]]
-    names += [own.in_words(*bodies) for own in flat_contacts(asked)]
-    told = sorted(zip(found.left[0].tolist(), names, strict=True), key=lambda own: -abs(own[0]))
-    gone = [f"{name} {gap_text(gap, 0.0, problem.unit)}" for gap, name in told if abs(gap) > NEAR * problem.size]
-    return found.nearest, gone
+    movable, static = asked.bodies_made.values()
+    names = [_between(movable, static, own) for own in found.points[0]]
+    names += [own.in_words(movable, static) for own in flat_contacts(asked)]
+    gaps = sorted(zip(found.remaining[0].tolist(), names, strict=True), key=lambda own: -abs(own[0]))
+    missed = [f"{name} {gap_text(gap, 0.0, problem.unit)}" for gap, name in gaps if abs(gap) > NEAR * problem.size]
+    return found.nearest, missed
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:

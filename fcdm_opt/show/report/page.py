@@ -156,10 +156,7 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "asked": asked_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
-        "contacts": [
-            (f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-")
-            for pair, own in solved
-        ],
+        "contacts": [(f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-") for pair, own in solved],
         "stages": solution.stages,
         "checks": certificate.checks if certificate is not None else (),
     }
