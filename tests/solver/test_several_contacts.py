@@ -787,8 +787,14 @@ def test_flat_locators_at_unlike_heights_were_no_reason_why_none_was_found() -> 
 WEDGE = 5.0 * 2.0**0.5  # how deep a groove is whose flanks of 45 deg touch a ball of radius 5 at its mouth's height
 
 
-@pytest.mark.parametrize("motion", [fo.Translation("z"), fo.Free()], ids=["drop", "free"])
-def test_a_plate_that_would_pass_into_the_walls_of_its_groove_was_told_of_flanks_alone(motion) -> None:
+ACROSS = fo.Translation("y") >> fo.Translation("z") >> fo.Rotation("x")
+HELD = {"TY": (-0.2, 0.2), "TZ": (-0.2, 0.2), "RX": (-0.01, 0.01)}
+
+
+@pytest.mark.parametrize(
+    ("motion", "limits"), [(fo.Translation("z"), {}), (fo.Free(), {}), (ACROSS, HELD)], ids=["drop", "free", "held"]
+)
+def test_a_plate_that_would_pass_into_the_walls_of_its_groove_was_told_of_flanks_alone(motion, limits) -> None:
     """A wedge sinks by 1 % of the depth as its groove grows by that; the plate on it then lies lower than the walls."""
     wedge = [(x, y, z) for x in (-4, 4) for y, z in ((-4, 4 - WEDGE), (0, -WEDGE), (4, 4 - WEDGE))]
     above = block((-4, -4, 4 - WEDGE), (4, 4, 3)), block((-15, -15, 3), (15, 15, 9))
@@ -797,9 +803,9 @@ def test_a_plate_that_would_pass_into_the_walls_of_its_groove_was_told_of_flanks
              for side in (-1, 1)]  # fmt: skip
     base = fo.Body.from_parts(list(map(np.array, walls)), seed=(0, 0, 0), name="base")
     asked = {"target": (1, 1.01), "goal": "at", "contacts": "all", "unit": "mm"}
-    problem = fo.Problem(top, base, motion=motion, **asked)
+    problem = fo.Problem(top, base, motion=motion, **asked, limits=limits or None)
     solution, overlap = fo.solve(problem), 1.01 * (10 - WEDGE) - (3 - 0.01 * WEDGE)
-    assert solution.status is (Status.INFEASIBLE if motion.shifts else Status.NOT_FOUND)
+    assert solution.status is (Status.INFEASIBLE if motion.shifts or limits else Status.NOT_FOUND)
     told = solution.active[0]
     assert told.startswith(f"with all contacts closed (TZ {-0.01 * WEDGE:.4g} mm) ")
     assert re.search(rf" of top, .* of base overlap by {overlap:.4g} mm$", told)
