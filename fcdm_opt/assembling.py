@@ -19,6 +19,7 @@ from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import known_to
+from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
 from fcdm_opt.model.reported import reported
@@ -30,7 +31,7 @@ from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.contacts_restored import RESTORED, restoring_shift, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import UNMET, Solution, Status
 from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
@@ -85,7 +86,7 @@ class _Met(NamedTuple):
     def why_not(self) -> str:
         """Which contacts are not met, in words."""
         more = " together" * (len(self.names) > 1)
-        unmet = f"cannot be met{more}" if self.status is Status.INFEASIBLE else f"not met{more}: {self.status.words}"
+        unmet = f"{UNMET}{more}" if self.status is Status.INFEASIBLE else f"not met{more}: {self.status.words}"
         return f"contact{'s' * bool(more)} {', '.join(self.names)} {unmet}"
 
 
@@ -201,13 +202,16 @@ class _Solving:
         touching = [touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
         exchanges = [own for own in rounds if own is not None]
-        if len(exchanges) < len(group) or self._assembly.amount != "weighted":
+        if len(exchanges) < len(group) or (assembly := self._assembly).amount != "weighted":
             return None
         if (found := restoring_shift(asked)) is None:
             return None
         if found.q is None:
-            names = ", ".join(map(str, group))
-            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (f"{names}: {EXCLUDED}",))
+            names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
+            both = zip(group, found.remaining, strict=True)
+            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in both)
+            why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
+            answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
         for own, points in zip(exchanges, found.points, strict=True):
             own.add(points)

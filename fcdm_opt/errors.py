@@ -192,4 +192,4 @@ class UnsolvedError(FcdmError):
 
     def __init__(self, solution: Any) -> None:
         self.solution = solution
-        super().__init__(solution.advice)
+        super().__init__(solution.explained)

@@ -170,13 +170,14 @@ Cases = Annotated[list[str] | None, option("--case", "NAME", CASES, CHOICE, auto
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """A problem file as read: its problems, or why there are none."""
+    """A problem file as read: its problems, why there are none or some are not, and by the name of a case its error."""
 
     path: Path
     title: str = ""
     note: str = ""
     problems: tuple[Any, ...] = ()  # a Problem a case, or an Assembly
     error: str | None = None
+    refused: tuple[tuple[str, str], ...] = ()
 
     @property
     def name(self) -> str:
@@ -186,7 +187,7 @@ class OpenedFile:
     def head(self) -> dict[str, Any]:
         """Return what a JSON document says of the file."""
         head = {"file": str(self.path), "title": self.title, "note": self.note}
-        return {**head, "error": self.error} if self.error else head
+        return {**head, "error": self.error} if self.error and not self.problems else head
 
 
 def opened_files(
@@ -242,7 +243,13 @@ def opened_files(
             made_of = _of_bodies if some else Problem
             make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, made_of)
             names = [case.name for case in own.case[:1]] if some else wanted
-            files.append(OpenedFile(path, own.title, own.note, tuple(make(path, wanted=names))))
+            refused = list[tuple[str, InputError]]()
+            made = tuple(make(path, wanted=names, refused=refused))
+            if refused and not made:
+                raise refused[0][1]
+            errors = tuple((name, _refused(reason, file=path)) for name, reason in refused)
+            error = "; ".join(text for _, text in errors) or None
+            files.append(OpenedFile(path, own.title, own.note, made, error, errors))
         except InputError as reason:
             files.append(OpenedFile(path, error=_refused(reason, file=path)))
     return files
@@ -308,7 +315,7 @@ class Inquiry:
         """Yield each file that could be read; `say_of` is about the last."""
         for file in self._opened:
             self._document.append(file.head())
-            if not file.error:
+            if file.problems or not file.error:
                 yield file
 
     @property
@@ -344,7 +351,8 @@ class Inquiry:
         """
         waiting = self.count
         for file in self:
-            entries, rows, refused = self.say_of("cases", []), [], dict[str, tuple[InputError, list[str]]]()
+            entries = self.say_of("cases", [{"name": name, "error": error} for name, error in file.refused])
+            rows, refused = [], dict[str, tuple[InputError, list[str]]]()
             for problem in file.problems:
                 entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
                 entries.append(entry)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
-from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, say
+from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, refuse, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -84,10 +84,15 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
     heads, solutions = list[dict[str, Any]](), list[Any]()
     codes = [BAD_INPUT for file in opened if file.error]
     for file in opened:
-        heads.append({**head(file), "cases": range(len(solutions), len(solutions) + len(file.problems))})
+        first, errors = len(solutions), [file.error] if file.error else []
         for assembly in file.problems:
             say(f"{file.path.name}: case {assembly.name}")
-            solutions.append(solved_case(assembly, certify=certify).solution)
+            try:
+                solutions.append(solved_case(assembly, certify=certify).solution)
+            except InputError as reason:
+                errors.append(refuse(reason.within(file=file.path, key=f"case {assembly.name!r}")))
+                codes.append(BAD_INPUT)
+        heads.append({**head(file), "cases": range(first, len(solutions)), "error": "; ".join(errors)})
     codes += [code_of(own.usable, own.status.name) for own in solutions]
     return assembly_page(heads, solutions) if solutions else "", codes
 

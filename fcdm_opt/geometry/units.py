@@ -60,6 +60,12 @@ def measured(length: str | float, unit: str, digits: int = 6) -> str:
     return f"{text} {unit}" if unit else text
 
 
+def gap_text(gap: float, slack: float, unit: str) -> str:
+    """Return in words whether two things touch, are apart or overlap, and by how much."""
+    length = measured(abs(gap), unit, 4)
+    return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"
+
+
 def floored(bound: float, digits: int) -> str:
     """Return a positive lower bound, never more than it is but for the rounding of floats."""
     down = Context(prec=digits, rounding=ROUND_FLOOR)

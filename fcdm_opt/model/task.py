@@ -145,6 +145,8 @@ class Task:
         Steps of the machine, 0 where a parameter has none.
     restored : bool
         Whether all contacts of true faces that are closed after a motion are to be, see `Problem.to_touch`.
+    length_unit : str
+        Unit of lengths, in what is told; "" without.
     """
 
     movable: Body
@@ -169,6 +171,7 @@ class Task:
     amount_kind: str | OwnAmount = "weighted"
     resolution: Array | None = None
     restored: bool = False
+    length_unit: str = ""
     # the least answer made so far, for a search that ends before it is through; none in most tasks
     found: list[Answer] = field(default_factory=list, init=False)
     _poses: dict[bytes, Array] = field(default_factory=dict, init=False)
@@ -223,6 +226,7 @@ class Task:
             amount,
             problem.resolution,
             problem.restoring is not None,
+            problem.unit,
         )
 
     def answer(

@@ -17,7 +17,7 @@ from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.fit import verdict
-from fcdm_opt.problem.solution import Bounded, Solution, Status, kept_clear
+from fcdm_opt.problem.solution import UNMET, Bounded, Solution, Status, kept_clear, nearest_miss
 from fcdm_opt.tolerances import DEFAULT
 
 IN_PLACE = "status"
@@ -114,9 +114,9 @@ class AssemblySolution(Bounded):
     """
 
     plain_names = (
-        "name", "unit", "assembly", "status", "advice", "usable", "parameters", "motions", "transforms", "amounts",
-        "amount", "lower_bound", "amount_low", "amount_high", "gap", "contacts", "gaps", "keep_out_gaps", "stages",
-        "active", "stopped", "doubt", "evidence", "certificate", "seconds",
+        "name", "unit", "assembly", "status", "advice", "reason", "usable", "parameters", "motions", "transforms",
+        "amounts", "amount", "lower_bound", "amount_low", "amount_high", "gap", "contacts", "gaps", "keep_out_gaps",
+        "stages", "active", "stopped", "doubt", "evidence", "certificate", "seconds",
     )  # fmt: skip
 
     assembly: Assembly = field(repr=False)
@@ -169,10 +169,22 @@ class AssemblySolution(Bounded):
     def _why_not(self) -> str:
         """Which part leaves its fit, and where, or which widths do not go together, or contacts that are not met."""
         if self.status is not Status.OUTSIDE_FIT:
-            words = verdict(self.assembly) or "; ".join(self.active * (not self.status.found))
-            return words[:1].upper() + words[1:]
+            return verdict(self.assembly) or "; ".join(self.active * (not self.status.found))
         checks = self.certificate.checks if self.certificate else ()
         return next((check.note for check in checks if check.name == IN_PLACE), "")
+
+    @cached_property
+    def reason(self) -> str:
+        """Why there are no motions to use, see `Solution.reason`."""
+        if self.status is not Status.INFEASIBLE or verdict(self.assembly):
+            return self._why_not
+        reasons = list(self.active)
+        for pair in filter(self.assembly.is_own, self.assembly.contacts):
+            heads = f"{pair}: ", f"contact {pair} {UNMET}"
+            k = next((k for k, why in enumerate(reasons) if why.startswith(heads)), None)
+            if k is not None and (miss := nearest_miss(self.assembly.problem(pair))):
+                reasons[k] = f"{reasons[k]}: {miss}" if reasons[k] == heads[1] else f"{pair}: {miss}; {reasons[k]}"
+        return "; ".join(reasons)
 
     @cached_property
     def sensitivity(self) -> AssemblySensitivity:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 ROLES = ("movable", "static")
 FREE = (-math.inf, math.inf)  # limits of a parameter that has none
+UNNAMED = "body"  # a body that was given no name
 CLEAR = {"goal": "clear"}
 """What is asked of two parts without a contact: that they do not overlap."""
 CORNERS = ("worst", "loosest", "low", "high", "middle")
@@ -568,7 +569,7 @@ def _bodies(parts: Any) -> dict[str, Body]:
         if name in found:
             allowed = "a name that no other part has"
             raise InputError("two parts have one name", key="parts", found=name, allowed=allowed)
-        found[name] = body
+        found[name] = replace(body, name=name) if body.name == UNNAMED else body
     if len(found) < 2:
         raise InputError("an assembly has several parts", key="parts", found=len(found), allowed="two or more")
     return found

@@ -136,8 +136,12 @@ class AssemblyFile(Entry, title="Assembly file"):
         bodies: Mapping[str, Body] | None = None,
         keep_out: Sequence[KeepOut] | None = None,
         wanted: Container[str] = (),
+        refused: list[tuple[str, InputError]] | None = None,
     ) -> tuple[Assembly, ...]:
-        """Return the assembly of each case, or of those wanted; contents are of `file`, bodies may be built already."""
+        """Return the assembly of each case, or of those wanted; contents are of `file`, bodies may be built already.
+
+        `refused` gets the name of a case that cannot be made, and why; without it, that ends all.
+        """
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)
@@ -154,7 +158,10 @@ class AssemblyFile(Entry, title="Assembly file"):
                 except InputError as reason:
                     head = (reason.key or "").replace("[", ".").split(".")[0]
                     place = f"case[{k}] {case.name!r}"
-                    raise (reason.within(key=place) if head in own else _renamed(reason)) from reason
+                    error = reason if head in own else _renamed(reason)
+                    if refused is None:
+                        raise (error.within(key=place) if head in own else error) from reason
+                    refused.append((case.name, error.within(key=place)))
         return tuple(made)
 
     def _asked(

@@ -72,11 +72,17 @@ class RestoringShift(NamedTuple):
         Of each question where they touch then.
     bound : float
         Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these.
+    nearest : (k,) array or None
+        Without one, the motion parameters at which the squares of all gaps are least.
+    remaining : tuple of arrays
+        Gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap.
     """
 
     q: Array | None
     points: list[list[NearestPoints]]
     bound: float
+    nearest: Array | None = None
+    remaining: tuple[Array, ...] = ()
 
 
 def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
@@ -96,6 +102,7 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
     y = np.zeros(len(first.weights))
     for _ in range(ROUNDS):
         q, points, rows = y / first.weights, list[list[NearestPoints]](), list[tuple[float, Array, bool]]()
+        ends = list[int]()
         for own, met in zip(asked, before, strict=True):
             pose = own.motion.transform(q, own.movable.seed, own.static.seed)
             points.append(_nearest(own, met, pose))
@@ -104,6 +111,7 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
             shifts = -own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
             rows += [(one.gap, shifts @ one.normal, _is_plane(own, one)) for one in points[-1]]
             rows += [(gap, shifts @ n, True) for gap, n in (_plane_gap(own, each, pose) for each in flat_contacts(own))]
+            ends.append(len(rows))
         gaps, slopes, plane = (np.array(each) for each in zip(*rows, strict=True))
         if np.abs(gaps).max() <= min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch:
             inside = (first.limits[:, 0] <= q) & (q <= first.limits[:, 1])
@@ -111,8 +119,10 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
             bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
             return RestoringShift(q, points, bound) if inside.all() else None
         further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
-        if np.abs(gaps + slopes @ (further - y)).max() > max(own.contact_slack for own in asked):
-            return RestoringShift(None, points, np.inf) if plane.all() else None
+        remaining = gaps + slopes @ (further - y)
+        if np.abs(remaining).max() > max(own.contact_slack for own in asked):
+            each = tuple(np.split(remaining, ends[:-1]))
+            return RestoringShift(None, points, np.inf, further / first.weights, each) if plane.all() else None
         y = further
     return None
 

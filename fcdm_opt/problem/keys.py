@@ -457,9 +457,16 @@ class ProblemFile(Entry, title="Problem file"):
         return read_entry(cls, path, "problem file", "[bodies.movable], [bodies.static] and [[case]]")
 
     def problems(
-        self, made_of: Callable[..., Made], file: Path | None = None, wanted: Container[str] = ()
+        self,
+        made_of: Callable[..., Made],
+        file: Path | None = None,
+        wanted: Container[str] = (),
+        refused: list[tuple[str, InputError]] | None = None,
     ) -> tuple[Made, ...]:
-        """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`."""
+        """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`.
+
+        `refused` gets the name of a case that cannot be made, and why; without it, that ends all.
+        """
         cases = self.named_cases(file)
         for key, case in cases.items():  # what is wrong there is said before meshes are read
             with self._placing(case, key, file):
@@ -470,8 +477,13 @@ class ProblemFile(Entry, title="Problem file"):
                 continue
             pacing.at(f"looking how the parts of {key} lie")
             pacing.check()
-            with self._placing(case, key, file):
-                made.append(made_of(**case.asked(parts, self.defaults)))
+            try:
+                with self._placing(case, key, file):
+                    made.append(made_of(**case.asked(parts, self.defaults)))
+            except InputError as reason:
+                if refused is None:
+                    raise
+                refused.append((case.name, reason))
         return tuple(made)
 
     @contextmanager

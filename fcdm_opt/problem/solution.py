@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.contact import true_faces_met
 from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
@@ -120,6 +121,9 @@ def kept_clear(name: str) -> str:
     """Return the name of the check that a keep-out is kept clear of."""
     return f"keep-out {name!r}: clearance"
 
+
+UNMET = "cannot be met"
+"""Of a contact of an assembly that no motion meets."""
 
 PARALLEL = "faces in contact stay parallel: round or pointed locators would let the part tilt"
 """Why flush contacts at unlike heights exclude each other."""
@@ -299,6 +303,11 @@ def _when_read() -> Any:
     return _WhenRead()
 
 
+def nearest_miss(problem: Problem) -> str:
+    """Return what lacks at the nearest pose that a search finds, in words; "" where the time does not last."""
+    return str(pacing.in_time(imported("design.fixed_pose.nearest_miss:nearest_miss"), problem, late=""))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bounded(Plain, NotebookRepr):
     """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
@@ -380,6 +389,14 @@ class Bounded(Plain, NotebookRepr):
     @cached_property
     def advice(self) -> str:
         """What to do, in words: the status's advice, and why there is no answer where more is known of that."""
+        return self._advised(self._why_not)
+
+    @property
+    def explained(self) -> str:
+        """`advice`, with `reason`."""
+        return self._advised(self.reason)
+
+    def _advised(self, why: str) -> str:
         told = self.status.value
         if not self._limited:
             told = UNLIMITED.get(self.status, told)
@@ -393,9 +410,23 @@ class Bounded(Plain, NotebookRepr):
             return told
         if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
             told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
-        if not (why := self._why_not):
+        if not why:
             return told
+        named = why.startswith(tuple(f"{part} " for part in self.question.drawn))  # names stay as they are
+        why = why if named else f"{why[:1].upper()}{why[1:]}"
         return f"{why}. {UNFIT if self.status is Status.LEFT_COHERENT_RANGE else told}"
+
+    @cached_property
+    def reason(self) -> str:
+        """Why there is no motion to use, as far as it is known: what overlaps, or passes a limit, and by how much.
+
+        "" where there is one. Worked out when first read, as a search for the nearest pose that `advice` does without.
+        """
+        return "" if self.usable else self._why_not or self._nearest_miss()
+
+    def _nearest_miss(self) -> str:
+        """Return what lacks at the nearest pose that a search finds, in words."""
+        raise NotImplementedError
 
     @property
     def _limited(self) -> bool:
@@ -509,7 +540,7 @@ class Solution(Bounded):
     """
 
     plain_names = (
-        "problem", "status", "advice", "usable", "parameters", "motion", "transform", "amount", "lower_bound",
+        "problem", "status", "advice", "reason", "usable", "parameters", "motion", "transform", "amount", "lower_bound",
         "amount_low", "amount_high", "rho", "features", "pair", "pair_gap", "pair_state", "keep_out_gaps", "snapped",
         "active", "modelled", "stage", "stopped", "gap", "unique_within", "contact_gaps", "open_contacts", "doubt",
         "evidence", "sensitivity", "certificate", "seconds",
@@ -598,7 +629,10 @@ class Solution(Bounded):
         words = verdict(self.problem) or "; ".join(self.active * (self.status is Status.NOT_FOUND))
         if words and self.status is Status.NOT_FOUND and sum(own.is_flush for own in self.problem.contacts) > 1:
             words += f"; {PARALLEL}"
-        return words[:1].upper() + words[1:]
+        return words
+
+    def _nearest_miss(self) -> str:
+        return nearest_miss(self.problem) or "; ".join(self.active) if self.status is Status.INFEASIBLE else ""
 
     @cached_property
     def sensitivity(self) -> Sensitivity:

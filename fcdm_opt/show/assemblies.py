@@ -52,14 +52,18 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
             print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
         if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
             print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
-        held = () if solution.usable else solution.active
-        for told in (*beyond_tolerances(solution.assembly), *solution.stages, *held):
+        for told in (*beyond_tolerances(solution.assembly), *solution.stages, *unsaid(solution)):
             print_text(f"{name}: {told}", indent="   ")
-        if solution.doubt and not solution.usable:
-            print_text(f"{name}: {solution.doubt}", indent="   ")
     for text in _overlaps(rows[0].solution.assembly):
         print_text(text, indent="   ")
     print_text()
+
+
+def unsaid(solution: AssemblySolution) -> list[str]:
+    """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
+    verdict = assembly_verdict(solution)
+    texts = (*(() if solution.usable else solution.active), solution.doubt)
+    return [text for text in texts if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:
@@ -96,7 +100,7 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     assembly = solution.assembly
     if not solution.status.found:
         barred = barring(assembly)
-        return f"{solution.advice} {barred[:1].upper()}{barred[1:]}." if barred else solution.advice
+        return f"{solution.explained} {barred[:1].upper()}{barred[1:]}." if barred else solution.explained
     if solution.status.name == "OUTSIDE_FIT":
         what = "does not fit: the only motions found take a part out of the place it is drawn in"
         return "; ".join(filter(None, (what, barring(assembly))))

@@ -71,7 +71,6 @@ def verdict_text(solution: Solution) -> str:
 
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
-    from fcdm_opt.design.fixed_pose.nearest_miss import nearest_miss
     from fcdm_opt.problem.fit import verdict
 
     problem = solution.problem
@@ -81,8 +80,7 @@ def _refused_text(solution: Solution) -> str:
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
         proved = " (proved)" * (not solution.left_by_mesh)
-        miss = pacing.in_time(nearest_miss, problem, late="")
-        return f"impossible with this motion{limited}{proved}" + (f": {miss}" if miss else "")
+        return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
         barred = barring(problem)
         asked = problem.goal == "clear" and problem.clearance > 0.0

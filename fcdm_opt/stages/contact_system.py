@@ -18,7 +18,9 @@ from operator import rshift
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.seats import Bools
@@ -28,6 +30,7 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
@@ -52,6 +55,9 @@ BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amoun
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
+MOST_PAIRS = 2000  # of convex parts; with more, why there is no motion takes longer than it is worth
+LEAST_SHORT = 1e-5  # relative, to which it is narrowed in how much parts overlap at least
+MOST_VIOLATED = 3  # conditions that are told to be violated
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
 
@@ -74,6 +80,17 @@ def contact_system(task: Task) -> Answer | None:
     if np.isinf(bound):
         return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
     return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
+
+
+def violated(question: Scene) -> tuple[str, ...]:
+    """Return what stands in the way of a motion that closes several contacts of two parts; () for what else is asked.
+
+    Empty too where the contacts exclude each other.
+    """
+    if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
+        return ()
+    asked = _Told([System.of(Task.of(question))], [""])
+    return () if asked.conflicts else asked.violated
 
 
 def among_others(task: Task) -> Answer | None:
@@ -184,7 +201,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     with suppress(pacing.TimeOverError):
         if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
-    told = f"below the amount {bound:.4g} no motion closes all and lets nothing overlap"
+    told = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
 
 
@@ -401,6 +418,67 @@ class System:
                 over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
         return over
 
+    def without_clearances(self) -> System:
+        """Return the same where parts and keep-outs may overlap."""
+        return replace(self, task=replace(self.task, pair="any", keep_out=()))
+
+    def nearer(self, short: float) -> System:
+        """Return the same where the bodies are to be clear of each other but for a share of their size."""
+        task = self.task
+        return replace(self, task=replace(task, goal="clear", pair="any", clearance=task.need - short * task.size))
+
+    def without_limits(self) -> System:
+        """Return the same where parameters that may change may change by any amount."""
+        limits = np.where(self.moving[:, None], [-np.inf, np.inf], self.task.limits)
+        return replace(self, task=replace(self.task, limits=limits))
+
+    def without_shares(self) -> System:
+        """Return the same where elements in contact need not meet: their planes and lines do."""
+        return replace(self, task=replace(self.task, joints=(), seats=()))
+
+    def overlaps(self, q: Array) -> list[str]:
+        """Return what a motion leaves too near, and by how much: the worst of the bodies, and of each keep-out."""
+        task, found = self.task, dict[int, str]()
+        gaps, pose, unit = task.pair_gaps(q), task.pose(q), task.length_unit
+        short = np.where(gaps < task.needs - DEFAULT.cut * task.size, gaps - task.needs, 0.0)
+        for i, j in np.transpose(np.unravel_index(short.argsort(axis=None), short.shape)).tolist():
+            other, name, gap = task.obstacles[j], task.named((i, j)), float(gaps[i, j])
+            if not short[i, j] < 0.0:
+                break
+            if other.keep_out < 0:
+                one, two, normal = task.movable.parts[i], task.static.parts[j], task.way_between((i, j), q)
+                normal = normal / np.linalg.norm(normal)
+                contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
+                name = contact.feature.in_words(task.movable, task.static)
+            asked = f", {measured(other.need, unit, 4)} asked" if other.need > 0.0 else ""
+            found.setdefault(other.keep_out, f"{name} {gap_text(gap, LEAST_SHORT * task.size, unit)}{asked}")
+        return [*found.values()]
+
+    def past_limits(self, q: Array) -> list[str]:
+        """Return which parameters of a motion are past their limits, and by how much."""
+        task, found = self.task, list[str]()
+        each = zip(task.motion.parameters, q.tolist(), task.limits.tolist(), strict=True)
+        for (name, kind), value, (low, high) in each:
+            end = min(max(value, low), high)
+            if abs(value - end) > DEFAULT.tie * (task.size if kind == "translation" else 1.0):
+                end, past = (_parameter(x, kind, task.length_unit) for x in (end, abs(value - end)))
+                found.append(f"{name} passes its limit {end} by {past}")
+        return found
+
+    def lost(self, q: Array) -> list[str]:
+        """Return which contacts a motion leaves without what their elements share, and how far these are apart."""
+        task, pose, slack, found = self.task, self.task.pose(q), DEFAULT.cut * self.task.size, list[str]()
+        flush = {own.touching: own for own in task.seats}
+        for joint in task.joints:
+            gap = min((float(task.separations(parts, pose)[2].max()) for parts in joint.carriers), key=abs)
+            plane, name = flush.get(joint.feature), joint.feature.in_words(task.movable, task.static)
+            if plane is not None and not plane.holds(pose, task.target, slack):
+                gap = max(gap, -plane.overlap(pose, task.target).depth)
+                found.append(f"{name} lose each other, by {measured(max(gap, 0.0), task.length_unit, 4)}")
+            elif gap > slack:
+                found.append(f"{name} lose each other, by {measured(gap, task.length_unit, 4)}")
+        return found
+
     def at_limits(self, q: Array) -> tuple[str, ...]:
         """Return "a limit" where a parameter is at one."""
         low, high = self.task.limits.T
@@ -549,10 +627,55 @@ class _Told:
             else f"contact {self._named(group)} cannot be closed"
             for group in self.conflicts
         ]
-        if not told:
-            which = "all contacts" if count > 1 else "the contact"
-            return (f"to close {which} parts would overlap, pass a limit, or be moved until faces lose each other",)
-        return (*told, *self._carried())
+        if told:
+            return (*told, *self._carried())
+        return self.violated or ("no motion is found that closes all contacts",) * (count > 0)
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """What closing all contacts would violate; () where that takes long, or is not found."""
+        wide = sum(own.task.part_pairs for own in self.systems) > MOST_PAIRS
+        return () if wide else pacing.in_time(self._violated, late=())
+
+    def _violated(self) -> tuple[str, ...]:
+        """Return what closing all contacts would violate: as few as do of clearances, limits, and what faces share."""
+        count, first = len(self._joints), self.systems[0].task
+        kinds = (System.without_clearances, System.without_limits, System.without_shares)
+        for dropped in (group for size in (1, 2, 3) for group in combinations(kinds, size)):
+            some = [own for own in self.systems if own.features or kinds[0] not in dropped]
+            z = least([reduce(lambda own, drop: drop(own), dropped, own) for own in some])[0] if some else None
+            if z is None:
+                continue
+            q = np.where(np.abs(z) <= DEFAULT.tie, 0.0, z * first.size / first.weights)
+            found = [text for own in self.systems for text in own.overlaps(q)] * (kinds[0] in dropped)
+            found += self.systems[0].past_limits(q) * (kinds[1] in dropped)
+            found += [text for own in self.systems for text in own.lost(q)] * (kinds[2] in dropped)
+            moved = zip(first.motion.parameters, q.tolist(), strict=True)
+            where = ", ".join(f"{name} {_parameter(x, kind, first.length_unit)}" for (name, kind), x in moved if x)
+            where = f" ({where})" * bool(where)
+            text = f"{where} {'; '.join(found[:MOST_VIOLATED])}"
+            if found and count:
+                return (f"with {'all contacts' if count > 1 else 'the contact'} closed{text}",)
+            if found:
+                return (*self._too_near(), f"with limits set aside{text}")
+        return () if count else self._too_near()
+
+    def _too_near(self) -> tuple[str, ...]:
+        """Return which parts overlap by how much where they do least, or are how much nearer than they are to be."""
+        tasks, found, low = [own.task for own in self.systems], tuple[str, ...](), 0.0
+        high = max(float((own.needs - own.pair_gaps(own.start)).max()) for own in tasks) / tasks[0].size  # at rest
+        short = high
+        while high - low > LEAST_SHORT * high:
+            z = least([own.nearer(short) for own in self.systems])[0]
+            if z is None:
+                low = short
+            else:
+                high, q = short, self.systems[0].q(z)
+                found = tuple(text for own in self.systems for text in own.overlaps(q))[:MOST_VIOLATED]
+            short = 0.5 * (low + high)
+            if not found:
+                break
+        return found
 
     @cached_property
     def conflicts(self) -> list[tuple[int, ...]]:
@@ -589,12 +712,13 @@ class _Told:
                 if z is None:
                     continue
                 left = {c: self._opened(c, z) for c in range(count) if c not in group}
-                slack = DEFAULT.touch * self.systems[0].task.size
+                slack, unit = DEFAULT.touch * self.systems[0].task.size, self.systems[0].task.length_unit
                 if min(left.values()) < -slack:
                     continue  # past it, not above it
                 told += 1
                 others = ", ".join(
-                    f"{self._named([c])} {f'open by {x:.4g}' if x > slack else 'not flush'}" for c, x in left.items()
+                    f"{self._named([c])} {f'open by {measured(x, unit, 4)}' if x > slack else 'not flush'}"
+                    for c, x in left.items()
                 )
                 yield f"{self._named(group)} can carry, with {others}"
             if told:
@@ -605,6 +729,11 @@ class _Told:
         k, j = self._joints[contact]
         alone = System.of(self.systems[k].task, (j,))
         return float(alone.task.line_gaps(alone.q(z))[1].max())
+
+
+def _parameter(value: float, kind: str, unit: str) -> str:
+    """Return the value of a parameter in words: a length, or an angle in degrees."""
+    return measured(value, unit, 4) if kind == "translation" else f"{np.degrees(value):.4g} deg"
 
 
 def _listed(group: Sequence[int]) -> str:
@@ -646,7 +775,7 @@ def _fitted(task: Task) -> Answer:
             trusted *= 4.0
             continue
         if fun is None:
-            return replace(none, active=_overlapping(gaps, rates))
+            return replace(none, active=_overlapping(task, gaps, rates))
         largest = max(fun, 0.0) + DEFAULT.tie
         rows = near.and_also(np.vstack([rates, -rates]), np.concatenate([-gaps, gaps - largest]))
         found, _ = nearest_on(*aligned, rows, choices)
@@ -671,7 +800,7 @@ def _fitted(task: Task) -> Answer:
         blocked, standing = blocked | more, np.inf  # what keeps clear of more may fit less
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
-        return replace(failed, active=("parts overlap besides these contacts",))
+        return replace(failed, active=(*own.overlaps(q)[:MOST_VIOLATED], "parts overlap besides these contacts"))
     opened = np.maximum(task.line_gaps(q)[1], 0.0)
     most = float(opened.max())
     at = np.flatnonzero(opened >= most - DEFAULT.touch * task.size)
@@ -726,8 +855,11 @@ def _widened(rows: Array) -> Array:
     return np.hstack([rows, np.zeros((len(rows), 1))])
 
 
-def _overlapping(gaps: Array, rates: Array) -> tuple[str, ...]:
-    """Return which contacts overlap whatever the motion."""
-    flat = np.linalg.norm(rates, axis=1) <= DEFAULT.tie
-    at = np.flatnonzero(flat & (gaps < -DEFAULT.touch)).tolist()
-    return (f"contact {_listed(at)} overlaps whatever the motion",) if at else ("some contact always overlaps",)
+def _overlapping(task: Task, gaps: Array, rates: Array) -> tuple[str, ...]:
+    """Return which contacts overlap whatever the motion, and by how much."""
+    flat = (np.linalg.norm(rates, axis=1) <= DEFAULT.tie) & (gaps < -DEFAULT.touch)
+    texts = (
+        f"contact {k + 1} overlaps by {measured(-gaps[k] * task.size, task.length_unit, 4)} whatever the motion"
+        for k in np.flatnonzero(flat).tolist()
+    )
+    return tuple(texts) or ("some contact always overlaps",)

@@ -422,3 +422,50 @@ tolerance = 0.02
     assert "left: two holes closed" in text
     (case,) = document(run("solve", path, "--json").stdout)[0]["cases"]
     assert case["snapped"]["gap"] == pytest.approx(2.5e-7, rel=1e-6)
+
+
+LOST = """
+[[size]]
+name = "width"
+body = "{body}"
+faces = ["+x"]
+tolerance = 2.0
+[[case]]
+name = "wide"
+made = {{ width = 0.1 }}
+[[case]]
+name = "lost"
+made = {{ width = -1.5 }}
+[[case]]
+name = "narrow"
+made = {{ width = -0.1 }}
+"""
+BLOCKS = CUBES.partition("[defaults]")[0].replace("[bodies.static]", "motion = [{ translation = 'x' }]\n[[part]]")
+BLOCKS = BLOCKS.replace("[bodies.movable]", "[[part]]") + "[[contact]]\nparts = ['left', 'right']\ngoal = 'touch'\n"
+
+
+@pytest.mark.parametrize(
+    "text", [CUBES + LOST.format(body="movable"), BLOCKS + LOST.format(body="left")], ids=["problem", "assembly"]
+)
+def test_a_case_that_cannot_be_made_cost_the_answers_of_the_others(text: str, tmp_path: Path) -> None:
+    """The cube is 1 wide: 1.5 less is no body, .1 more or less leave a gap of .9 or 1.1."""
+    path, page = tmp_path / "cubes.toml", tmp_path / "page.html"
+    path.write_text(text)
+    result = run("solve", path)
+    assert result.exit_code == BAD_INPUT
+    assert all(f"{x} " in result.stdout for x in ("0.9", "1.1"))
+    assert "case[2] 'lost'" in result.stderr
+    assert "the body changes its shape at these sizes" in result.stderr
+    (told,) = document(run("solve", path, "--json").stdout)
+    cases = {own["name"]: own for own in told["cases"]}
+    assert "error" not in told
+    assert "changes its shape" in cases.pop("lost")["error"]
+    assert {name: own["amount"] for name, own in cases.items()} == pytest.approx({"wide": 0.9, "narrow": 1.1})
+    result = run("report", path, "--out", page, "--no-certify")
+    assert result.exit_code == BAD_INPUT
+    assert "0.9" in page.read_text()
+    assert "the body changes its shape at these sizes" in page.read_text()
+    alone = run("solve", path, "--case", "lost")
+    assert (alone.exit_code, alone.stdout) == (BAD_INPUT, "")
+    with pytest.raises(fcdm_opt.InputError, match="changes its shape"):
+        (fcdm_opt.load_assemblies if "[[part]]" in text else fcdm_opt.load_problems)(path)

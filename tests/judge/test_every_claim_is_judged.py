@@ -18,7 +18,9 @@ import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.evidence import Evidence
 
-DERIVED = {"advice", "usable", "motion", "keep_out_gaps", "snapped", "gap", "contact_gaps", "open_contacts", "doubt"}
+DERIVED = {
+    "advice", "reason", "usable", "motion", "keep_out_gaps", "snapped", "gap", "contact_gaps", "open_contacts", "doubt",
+}  # fmt: skip
 
 
 def block(low, high, name, seed="box"):
@@ -223,7 +225,7 @@ CHANGES: dict[str, list[tuple[tuple[str, ...], Any]]] = {
         (CASES, of({"solve": -1.0})), (CASES, of({"solve": None})), (CASES, of({"solve": "inf"})), (CASES, of(5)),
     ],
 }  # fmt: skip
-WORDS = {"advice", "motion", "doubt"}  # not read: told anew by what is read
+WORDS = {"advice", "reason", "motion", "doubt"}  # not read: told anew by what is read
 ROWS = [
     pytest.param(key, case, change, id=f"{key} {number} {case}")
     for key, changes in CHANGES.items()

@@ -1021,6 +1021,64 @@ def test_a_motion_that_two_proofs_are_about_counts_once() -> None:
     assert checks["proof: lower bound"].value <= 0.01
 
 
+def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
+    """A block .05 larger goes .1 from the wall on its other side: past a limit, or into a block that is .05 off.
+
+    Two others are to be .8 apart, which are .5 so, and may go .1 each; one between two posts is .05 larger to each.
+    """
+    parts = {
+        "floor": fo.Body.convex(block((-5, -5, -1), (5, 5, 0))),
+        "wall": fo.Body.convex(block((3, -5, 0), (5, 5, 3)), seed=(4, 0, 1)),
+        "one": fo.Body.convex(block((-1, -1, 0), (1, 1, 2)), seed=(0, 0, 1)),
+        "two": fo.Body.convex(block((1, -1, 0), (3, 1, 2)), seed=(2, 0, 1)),
+    }
+    contacts = [("one", "floor"), ("two", "floor"), ("two", "one"), ("two", "wall")]
+    asked = {"motions": {"one": X >> Z, "two": X >> Z}, "scales": {"two": 1.05}, "unit": "mm"}
+    closed = "with all contacts closed (one.TX -0.1 mm, two.TX -0.05 mm, two.TZ 0.05 mm) "
+    limited = fo.solve(fo.Assembly(parts, contacts, **asked, limits={"one": {"TX": (-0.01, 0.01)}}))
+    assert limited.reason == closed + "one.TX passes its limit -0.01 mm by 0.09 mm"
+    post = {"post": fo.Body.convex(block((-3, -1, 0.5), (-1.05, 1, 1.5)), seed=(-2, 0, 1))}
+    blocked = fo.solve(fo.Assembly(parts | post, contacts, **asked))
+    assert blocked.reason == closed + "left face of one, right face of post overlap by 0.05 mm"
+    rest = {"motions": {"one": X, "two": X}, "follows": {"one": "floor", "two": "floor"}, "unit": "mm"}
+    parts |= {"two": fo.Body.convex(block((1.5, -1, 0), (3, 1, 2)), seed=(2, 0, 1))}
+    apart = [{"parts": ("one", "two"), "goal": "clear", "clearance": 0.8}]
+    del parts["wall"]
+    kept = fo.solve(fo.Assembly(parts, apart, **rest, limits={part: {"TX": (-0.1, 0.1)} for part in rest["motions"]}))
+    assert kept.reason == (
+        "right face of one, left face of two are 0.7 mm apart, 0.8 mm asked; with limits set aside (one.TX -0.15 mm, "
+        "two.TX 0.15 mm) one.TX passes its limit -0.1 mm by 0.05 mm; two.TX passes its limit 0.1 mm by 0.05 mm"
+    )
+    posts = {"left": block((-3, -1, 0), (-1, 1, 2)), "right": block((1, -1, 0), (3, 1, 2))}
+    parts = {**{name: fo.Body.convex(own) for name, own in posts.items()}, "one": parts["one"], "floor": parts["floor"]}
+    between = [{"parts": ("one", post), "goal": "clear"} for post in posts]
+    rest = {"motions": {"one": X >> fo.Rotation("z")}, "follows": {"one": "floor"}, "unit": "mm"}
+    tight = fo.solve(fo.Assembly(parts, between, **rest, scales={"one": 1.05}))
+    assert tight.reason == (
+        "left face of one, right face of left overlap by 0.05 mm; "
+        "right face of one, left face of right overlap by 0.05 mm"
+    )
+    for solution in (limited, blocked, kept, tight):
+        assert not solution.status.found
+        assert solution.reason[1:] in str(solution)
+        assert solution.to_dict()["reason"] == solution.reason
+        with pytest.raises(fo.errors.UnsolvedError, match=re.escape(solution.reason[1:])):
+            fo.solve(solution.assembly, throw=True)
+        page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+        answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
+        assert solution.reason[1:] in answer
+
+
+def test_how_far_true_faces_are_from_touching_again_was_not_told() -> None:
+    """A ball 1 % larger than the room between two walls overlaps each by half of what its diameter has grown."""
+    walls = {name: fo.Box((4, 40, 20), centre=(x, 0, 10)) for name, x in (("left", -7), ("right", 7))}
+    parts = {"ball": fo.Sphere(5, centre=(0, 0, 5)), **walls}
+    asked = {"motions": {"ball": X >> Z}, "scales": {"ball": 1.01}, "unit": "mm"}
+    solution = fo.solve(fo.Assembly(parts, [("ball", name) for name in walls], **asked))
+    assert solution.status is Status.INFEASIBLE
+    assert "nearest to that ball - left overlap by 0.05 mm; ball - right overlap by 0.05 mm" in solution.reason
+
+
 def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_none(monkeypatch) -> None:
     """The tip is 0.3 above the arm, and may go 0.1; the arm meets the base."""
     ends = {"base": ((-5, -5, -1), (5, 5, 0)), "arm": ((-1, -1, 0.2), (1, 1, 1)), "tip": ((-0.5, -0.5, 1.3), (1, 1, 2))}
@@ -1030,7 +1088,8 @@ def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_no
     assembly = fo.Assembly(parts, contacts, **asked, limits={"tip": {"TZ": (-0.1, 0.1)}})
     solution = fo.solve(assembly)
     assert solution.status is Status.INFEASIBLE
-    assert str(solution).startswith("Contact tip - arm cannot be met. Proved impossible")
+    assert str(solution).startswith("Contact tip - arm cannot be met: at the nearest pose found (TZ -0.1 + TX 0, TZ at")
+    assert "bottom face of tip, top face of arm are 0.2 apart. Proved impossible" in str(solution)
     assert solution.active == ("contact tip - arm cannot be met",)
     with pytest.raises(KeyError, match="'arm'; no motion was found: impossible"):
         solution.transforms["arm"]

@@ -130,6 +130,7 @@ def test_plain_data_tell_status_advice_and_motion(question):
     assert attributes <= set(data)
     assert set(data) - attributes == {
         "advice",
+        "reason",
         "doubt",
         "usable",
         "motion",

@@ -163,6 +163,7 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     assert changed.prediction.amount == pytest.approx(abs(0.2 * off) / sin(half), rel=1e-6)
     none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **{**asked, "motion": y}, made={"diameter": off}))
     assert none.status.name == "INFEASIBLE"
+    assert none.reason.count(f"{'overlap by' if off > 0 else 'are'} {abs(off) / 2:.4g}") == 2
     for other in ({"motion": x >> fo.Rotation("z")}, {"resolution": 0.01}, {"amount": "displacement"}):
         with pytest.raises(fo.InputError, match="nominal"):  # of these only facets are followed
             fo.Problem(roller, v_block(half, 5.0), **{**asked, **other}, made={"diameter": off})

@@ -177,7 +177,7 @@ def test_a_keep_out_is_passed_on_the_shortest_side(pocket) -> None:
 def test_a_contact_that_always_overlaps_is_named(pocket) -> None:
     solution = fo.solve(pocket.changed(goal="fit", motion=fo.Translation("x") >> fo.Translation("y")))
     assert solution.status is Status.INFEASIBLE
-    assert solution.active == ("contact 1 overlaps whatever the motion",)
+    assert solution.active == ("contact 1 overlaps by 0.02 whatever the motion",)  # half of its growth in height
 
 
 def test_a_problem_with_contacts_is_plain_data(ball, corner) -> None:
@@ -782,3 +782,71 @@ def test_flat_locators_at_unlike_heights_were_no_reason_why_none_was_found() -> 
     assert found.status.name == "NOT_FOUND"
     assert re.search(r"contacts \d, \d exclude each other; below the amount", str(found))
     assert "faces in contact stay parallel: round or pointed locators" in found.advice
+
+
+WEDGE = 5.0 * 2.0**0.5  # how deep a groove is whose flanks of 45 deg touch a ball of radius 5 at its mouth's height
+
+
+ACROSS = fo.Translation("y") >> fo.Translation("z") >> fo.Rotation("x")
+HELD = {"TY": (-0.2, 0.2), "TZ": (-0.2, 0.2), "RX": (-0.01, 0.01)}
+
+
+@pytest.mark.parametrize(
+    ("motion", "limits"), [(fo.Translation("z"), {}), (fo.Free(), {}), (ACROSS, HELD)], ids=["drop", "free", "held"]
+)
+def test_a_plate_that_would_pass_into_the_walls_of_its_groove_was_told_of_flanks_alone(motion, limits) -> None:
+    """A wedge sinks by 1 % of the depth as its groove grows by that; the plate on it then lies lower than the walls."""
+    wedge = [(x, y, z) for x in (-4, 4) for y, z in ((-4, 4 - WEDGE), (0, -WEDGE), (4, 4 - WEDGE))]
+    above = block((-4, -4, 4 - WEDGE), (4, 4, 3)), block((-15, -15, 3), (15, 15, 9))
+    top = fo.Body.from_parts([np.array(wedge), *above], seed=(0, 0, 0), name="top")
+    walls = [[(x, side * y, z) for x in (-8, 8) for y, z in ((10, -12), (0, -12), (0, -WEDGE), (10, 10 - WEDGE))]
+             for side in (-1, 1)]  # fmt: skip
+    base = fo.Body.from_parts(list(map(np.array, walls)), seed=(0, 0, 0), name="base")
+    asked = {"target": (1, 1.01), "goal": "at", "contacts": "all", "unit": "mm"}
+    problem = fo.Problem(top, base, motion=motion, **asked, limits=limits or None)
+    solution, overlap = fo.solve(problem), 1.01 * (10 - WEDGE) - (3 - 0.01 * WEDGE)
+    assert solution.status is (Status.INFEASIBLE if motion.shifts or limits else Status.NOT_FOUND)
+    told = solution.active[0]
+    assert told.startswith(f"with all contacts closed (TZ {-0.01 * WEDGE:.4g} mm) ")
+    assert re.search(rf" of top, .* of base overlap by {overlap:.4g} mm$", told)
+    assert told in str(solution)
+    assert told in solution.to_dict()["reason"]
+    if motion.shifts:
+        assert f"overlap by {overlap:.4g} mm" in str(fo.conflicts(problem, relax=False, deviation=False))
+
+
+@pytest.mark.parametrize("limit", [None, 0.01, 0.04])
+def test_limits_and_faces_that_part_were_told_as_one_with_overlaps(limit) -> None:
+    """A block goes .25 to its wall, which a limit may forbid; it lies on a table that ends .1 ahead of its edge."""
+    table = [block((-1, -1, -1), (1, 1, 0)), block((3.0, -1, -1), (4, 1, 3))]
+    parts = fo.Body.from_parts(table, seed=(3.5, 0, 0), name="table")
+    work = fo.Body.convex(block((0.9 if limit is None else 0, -1, 0), (3, 1, 2)), seed=(2, 0, 0), name="work")
+    problem = fo.Problem(
+        work, parts, motion=fo.Translation("x"), target=(1, 1.0), goal="at", contacts="all", unit="mm",
+        **({} if limit is None else {"limits": {"TX": (-limit, limit)}}),
+    )  # fmt: skip
+    grown = problem.changed(target=(0.9, 1.0))
+    solution = fo.solve(grown)  # 0.1 of the distance 1 from its seed to the wall
+    assert solution.status is Status.INFEASIBLE
+    if limit is not None:
+        assert solution.active == (
+            f"with all contacts closed (TX 0.1 mm) TX passes its limit {limit:g} mm by {0.1 - limit:.4g} mm",
+        )
+    else:  # its other edge is at 2 - 0.9 * 1.1 + 0.1
+        assert re.search(r"with all contacts closed \(TX 0.1 mm\) .* lose each other, by 0.11 mm", solution.active[0])
+
+
+def test_the_reason_of_an_impossibility_was_missing_in_plain_data_and_errors() -> None:
+    """A floor that has grown by 30 % lifts a key by .15, of which .1 are allowed."""
+    key, floor = (fo.Body.convex(block(*own), name=name) for name, own in
+                  {"key": ((-1, -1, 0), (1, 1, 2)), "floor": ((-3, -3, -1), (3, 3, 0))}.items())  # fmt: skip
+    asked = {"motion": fo.Translation("z"), "target": (1, 1.3), "goal": "clear", "limits": {"TZ": (-0.1, 0.1)}}
+    solution = fo.solve(fo.Problem(key, floor, **asked, unit="mm"))
+    told = "bottom face of key, top face of floor overlap by 0.05 mm"
+    assert solution.status is Status.INFEASIBLE
+    assert told in solution.to_dict()["reason"]
+    assert "TZ at the limit" in solution.reason
+    with pytest.raises(fo.errors.UnsolvedError, match=told):
+        fo.solve(solution.problem, throw=True)
+    again = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert again.reason == solution.reason

@@ -524,7 +524,7 @@ def test_throw_raises_with_the_solution_where_nothing_usable_was_found():
         solve(narrow, throw=True)
     assert isinstance(caught.value.solution, Solution)
     assert plain(caught.value.solution) == plain(quiet)
-    assert str(caught.value) == quiet.status.value
+    assert str(caught.value).endswith(quiet.status.value)
 
 
 def test_throw_returns_what_is_usable():

@@ -13,11 +13,13 @@ from fcdm_opt.design.fixed_pose.worst import Worst
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
 from fcdm_opt.model.true_faces import Exchange
+from fcdm_opt.problem.contacts_restored import flat_contacts, restoring_shift, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
@@ -36,7 +38,8 @@ def nearest_miss(problem: Problem) -> str:
     """
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""
-    q, told = _untouched(problem) if problem.goal in ("touch", "clear") else _contact_missed(problem)
+    missed = _untouched if problem.goal in ("touch", "clear") else _contact_missed
+    q, told = (missed if touching_again(problem) is None else _unrestored)(problem)
     if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
@@ -98,12 +101,28 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
             q, near = ahead, there
         else:
             radius *= SHRINK
-    own, bodies = near[0], (problem.movable, problem.static)
-    faces = [true_faces(body) for body in bodies]
-    each = zip(faces, own.points, strict=False)
-    between = Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(*bodies)
+    own, between = near[0], _between(problem.movable, problem.static, near[0])
     more = f", {measured(problem.clearance, problem.unit, 4)} asked" if problem.clearance > 0.0 else ""
-    return q, [f"{between} {_state(own.gap + asked.need, 0.0, problem.unit)}{more}"]
+    return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit)}{more}"]
+
+
+def _between(movable: Body, static: Body, met: NearestPoints) -> str:
+    """Return the true faces that are nearest to each other, in words."""
+    each = zip(map(true_faces, (movable, static)), met.points, strict=False)
+    return Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(movable, static)
+
+
+def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
+    """Return the shift at which contacts of true faces as drawn lack least, and what lacks there, worst first."""
+    found, asked = restoring_shift([problem]), problem.of_facets
+    if found is None or found.nearest is None:
+        return np.zeros(len(problem.limits)), []
+    movable, static = asked.bodies_made.values()
+    names = [_between(movable, static, own) for own in found.points[0]]
+    names += [own.in_words(movable, static) for own in flat_contacts(asked)]
+    gaps = sorted(zip(found.remaining[0].tolist(), names, strict=True), key=lambda own: -abs(own[0]))
+    missed = [f"{name} {gap_text(gap, 0.0, problem.unit)}" for gap, name in gaps if abs(gap) > NEAR * problem.size]
+    return found.nearest, missed
 
 
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
@@ -117,7 +136,7 @@ def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
             gap, one = float(gaps[k]), at.only(np.array([k]))
             between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
             asked = f", {measured(own.low, unit, 4)} asked" if own.low > 0.0 else ""
-            yield max(own.low - gap, gap - own.high), f"{between} {_state(gap, slack, unit)}{asked}"
+            yield max(own.low - gap, gap - own.high), f"{between} {gap_text(gap, slack, unit)}{asked}"
 
 
 def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
@@ -152,11 +171,6 @@ def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
     for owner, gap in zip(owners or [problem.tracked_features] * len(each), each, strict=True):
         worst[owner] = max(worst.get(owner, 0.0), gap, key=abs)
     return q, [
-        f"{'; '.join(dict.fromkeys(own.in_words(*bodies) for own in owner))} {_state(gap, 0.0, problem.unit)}"
+        f"{'; '.join(dict.fromkeys(own.in_words(*bodies) for own in owner))} {gap_text(gap, 0.0, problem.unit)}"
         for owner, gap in sorted(worst.items(), key=lambda own: -abs(own[1])) if abs(gap) > NEAR * task.size
     ]  # fmt: skip
-
-
-def _state(gap: float, slack: float, unit: str) -> str:
-    length = measured(abs(gap), unit, 4)
-    return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"

@@ -67,7 +67,8 @@ class Conflicts(Plain):
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
             sizes = f", of sizes {', '.join(clash.sizes)}" if clash.sizes else ""
-            lines.append(f"{what}{sizes} ({'proved' if clash.proved else found})")
+            sure = "proved" if clash.proved else found
+            lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure})", clash.reason))))
         if not self.complete:
             lines.append("there may be other clashes as small, or smaller")
         lines += [f"relax {one}" for one in self.relaxations]

@@ -27,6 +27,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Bounded, Effort, Status
 from fcdm_opt.solver import any_motion, solve
+from fcdm_opt.stages.contact_system import violated
 from fcdm_opt.tolerances import DEFAULT
 
 Names = frozenset[str]
@@ -59,12 +60,15 @@ class Clash(Plain):
     sizes : tuple of str
         The sizes made that are off drawn, with which it is so: each that would undo it as drawn, or, where none would
         without others, all.
+    reason : str
+        Of several contacts that are restored together, what overlaps where these are closed, see `violated`.
     """
 
     names: tuple[str, ...]
     proved: bool
     status: Status
     sizes: tuple[str, ...] = ()
+    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -262,11 +266,13 @@ class ClashSearch:
     def _clashes(self, clashing: list[Names]) -> list[Clash]:
         made = []
         for names in clashing:
-            status = self.alone(names).status
+            found = self.alone(names)
+            status, why = found.status, () if found.status.found else violated(found.question)
             listed = [self.chosen[max(parts, key=len)] for chain in self.chains
                       if (parts := [level for level in chain if level <= names])]  # fmt: skip
             proved, sizes = status is Status.INFEASIBLE, self._sizes(names)
-            made.append(Clash(names=tuple(listed), proved=proved, status=status, sizes=sizes))
+            reason = "; ".join(why)
+            made.append(Clash(names=tuple(listed), proved=proved, status=status, sizes=sizes, reason=reason))
         return made
 
     def _sizes(self, names: Names) -> tuple[str, ...]:

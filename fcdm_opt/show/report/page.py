@@ -12,7 +12,7 @@ from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.show import inline_svg
-from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of
+from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
@@ -142,7 +142,6 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
 def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
     certificate = solution.certificate
-    told = [*(() if solution.usable else solution.active), *filter(None, [solution.doubt])]
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
@@ -153,14 +152,11 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "amount": amount_text(solution.amount, unit),
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
-        "told": told,
+        "told": unsaid(solution),
         "asked": asked_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
-        "contacts": [
-            (f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-")
-            for pair, own in solved
-        ],
+        "contacts": [(f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-") for pair, own in solved],
         "stages": solution.stages,
         "checks": certificate.checks if certificate is not None else (),
     }
