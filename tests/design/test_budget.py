@@ -379,7 +379,7 @@ def test_a_tolerance_at_which_round_parts_come_to_touch_was_one_of_their_facets(
 
 @pytest.mark.slow
 def test_the_worst_corner_left_out_the_contact_with_more_gap() -> None:
-    """A block with 0.2 and 0.5 to its stops is to have 0.05 to either: 0.7 - 2 t >= 0.1 ends at 0.3, where left alone was 0.4."""
+    """A block with 0.2 and 0.5 to its stops is to have 0.05 to either: 0.7 - 2 t >= 0.1 ends at 0.3 (was 0.4)."""
     stops = Body.from_parts([Box((2, 12, 12), centre=(x, 0, 0)).vertices for x in (-6.2, 6.5)], name="stops")
     sizes = [
         Size(name, "static", faces={"through": (x, 0, 0)}, tolerance=0.1)
