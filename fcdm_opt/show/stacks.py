@@ -228,8 +228,8 @@ def stack_notes(stack: StackUp) -> list[str]:
     end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
     beyond = f"{end}: parts made beyond are refused, rows go on without it"
     free = (
-        f"closed contacts leave {' and '.join(stack.weighted)} free together, and the gap depends on them: it is that of "
-        "the least motions, by their weights"
+        f"closed contacts leave {' and '.join(stack.weighted)} free together, and the gap depends on them: it is that "
+        "of the least motions, by their weights"
     )
     return [*not_counted(stack.standing), *[free] * bool(stack.weighted), *[beyond] * (factor < 1.0)]
 
