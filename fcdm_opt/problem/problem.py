@@ -333,7 +333,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
     def _check_goal(self) -> None:
-        if self.goal in TRACKING and not self.touches_between_facets:
+        if self.goal in (*TRACKING, FIT) and not self.touches_between_facets:
             self.check_goal(self.target, self.signs)
 
     @cached_property
