@@ -106,7 +106,7 @@ class CarriedOver:
             [row for row in range(len(self._made[k].parts)) if self._alike(k, part, row).has(element)]
             for k, (part, element) in enumerate(zip(parts, (feature.one, feature.two), strict=True))
         )
-        yield from product(*others)  # type: ignore[misc]
+        yield from product(*others)
 
     def _alike(self, k: int, part: int, row: int) -> _PartsAlike:
         """Return a part of body k as drawn and one as made."""

@@ -255,7 +255,7 @@ def _effect(solution: Solution) -> str:
     made = {"touching": "touch", "apart": f"are {gap} apart", "overlapping": f"overlap by {gap}"}.get(state, state)
     if problem.goal == "clear":
         return f"{then}it is {gap} clear of {other}" if state == "apart" else f"{then}it just clears {other}"
-    if problem.goal == "beyond":
+    if problem.goal == "beyond" and solution.rho is not None:
         but = "but " * (state == "overlapping")
         scales = " and ".join(f"{scale:.6g}" for scale in solution.rho)
         return f"{then}{contact} at scales {scales}, those asked or beyond; {but}the parts made {made}"
