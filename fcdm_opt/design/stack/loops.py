@@ -133,7 +133,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     rows = replace(touching, sizes=assembly.sizes, as_drawn=True)
     others = (k for k, other in enumerate(asked) if other != pair)
     still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
-    off = opened(asked.index(pair) if pair in asked else -1, np.arange(1.0, len(rest) + 1.0, dtype=np.float64))[0] - motions
+    times = np.arange(1.0, len(rest) + 1.0, dtype=np.float64)  # any weights but the ones asked for
+    off = opened(asked.index(pair) if pair in asked else -1, times)[0] - motions
     along = relation.motion.ways(relation.movable.seed, relation.static.seed)
     gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
