@@ -248,11 +248,15 @@ class TouchingSizes:
 
         The largest separation over the rows of a part pair, least over pairs.
         """
+        return np.minimum.reduce(self.gaps(p), axis=-1)
+
+    def gaps(self, p: Any) -> Array:
+        """Return those of each part pair, (..., pairs)."""
         p = np.asarray(p, float)
         rows, starts = self.stacked
         flat = p.reshape(-1, rows.shape[1] - 1)
         heights = flat @ rows[:, 1:].T + rows[:, 0]
-        return np.minimum.reduce(np.maximum.reduceat(heights, starts, axis=1), axis=1).reshape(p.shape[:-1])
+        return np.maximum.reduceat(heights, starts, axis=1).reshape(*p.shape[:-1], len(starts))
 
     def governing(self, p: Any) -> tuple[PairRows, int]:
         """Return the pair and its row that the gap at sizes p is of."""
@@ -298,6 +302,31 @@ class TouchingSizes:
     def leasts(self) -> tuple[tuple[float, Array], ...]:
         """The same of each part pair."""
         return tuple(least_of(pair.values, self.box) for pair in self.pairs)
+
+    def least_of_each(self) -> Array:
+        """Return sizes with the least gap in the box, of which those that it does not depend on close other pairs.
+
+        As far as they can, the pair with the least gap first: a part that two walls locate is off both of them.
+        """
+        drawn, place = np.clip(0.0, self.box[:, 0], self.box[:, 1]), self.least()[1]
+        near = DEFAULT.planarity * max(body.size for body in self.bodies)
+        known = list[int]()
+        for k in np.argsort([value for value, _ in self.leasts]).tolist():
+            value, own = self.leasts[k]
+            most = np.array(self.gaps(place)) + near
+            free = np.flatnonzero((place == drawn) & (own != drawn)) if most[k] - value > 2.0 * near else ()
+            other = place.copy()
+            for size in free:
+                kept, other[size] = other[size], own[size]
+                if (self.gaps(other)[known] > most[known]).any():
+                    other[size] = kept
+            for size in free:  # back, where the pair does not depend on it either
+                moved, gap, other[size] = other[size], self.gaps(other)[k], place[size]
+                if self.gaps(other)[k] > gap + near:
+                    other[size] = moved
+            place = other if self.gaps(other)[k] < most[k] - 2.0 * near else place
+            known.append(k)
+        return place
 
     def largest(self) -> tuple[float, Array]:
         """Return the largest gap in the box, exact, and sizes at which it is: the largest play.

@@ -103,7 +103,8 @@ def made_at(
     made : mapping, or "worst", "loosest", "low", "high", "middle"
         Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
         largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
-        in the middle.
+        in the middle. Sizes that the least gap does not depend on are those with the least gap of the next contact that
+        may be the nearest, and so on.
     touching : TouchingSizes, optional
         What is known of them at rest, with these sizes.
     """
@@ -118,7 +119,7 @@ def made_at(
         found = (
             touching_true_faces(movable, static, sizes, least=False, permanent=False) if touching is None else touching
         )
-        values = (found.least() if made == "worst" else found.largest())[1].tolist()
+        values = (found.least_of_each() if made == "worst" else found.largest()[1]).tolist()
     return dict(zip(names, values, strict=True))
 
 

@@ -145,8 +145,10 @@ def moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
     for (surface, rows), moved in zip(round_surfaces(body), _moves(body, offsets), strict=True):
         if moved is None:
             return None
-        away = side_of(body, surface, rows[0]) * float(moved[0])
-        found.append((surface.offset(away, moved[1:4], float(moved[4])), rows))
+        if moved.any():  # else its corners stay where their file has them
+            away = side_of(body, surface, rows[0]) * float(moved[0])
+            surface = surface.offset(away, moved[1:4], float(moved[4]))
+        found.append((surface, rows))
     return tuple(found)
 
 

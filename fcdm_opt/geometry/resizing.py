@@ -30,7 +30,13 @@ from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.true_resizing import faces_around, on_true_faces, rates_on_true_faces, surface_with_corners
+from fcdm_opt.geometry.true_resizing import (
+    corners_on_true_faces,
+    faces_around,
+    on_true_faces,
+    rates_on_true_faces,
+    surface_with_corners,
+)
 from fcdm_opt.tolerances import DEFAULT
 
 HARDLY = 1e-3  # of a body's size: a small change of a length
@@ -393,18 +399,33 @@ def _same_pyramids(body: Body, places: Array, triangles: Ints) -> Body | None:
 
 
 def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
-    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then.
+
+    Of round faces those between their corners on the true ones; cuts of such bodies, made anew, are as drawn.
+    """
     if body.is_surface:
         made_body = resized(body.full_body or body, made)
         parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
         return [(part.normals, part.levels - part.normals @ part.seed) for part in parts]
     scaled = _scaled(body, made)
     lengths = {size: value for size, value in made.items() if size.is_length and value}
-    moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts if lengths else ()
-    planes = []
-    for k, part in enumerate(scaled.parts):
-        out = moved[k].offsets @ np.array(list(lengths.values())) if moved else 0.0
-        planes.append((part.normals, part.levels - part.normals @ scaled.seed + out))
+    planes = [(part.normals.copy(), part.levels - part.normals @ scaled.seed) for part in scaled.parts]
+    if not lengths:
+        return planes
+    values = np.array(list(lengths.values()))
+    places = corners_on_true_faces(scaled, offsets_of_faces(body, tuple(lengths)) @ values)
+    if places is None:
+        moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts
+        return [(normals, levels + own.offsets @ values) for (normals, levels), own in zip(planes, moved, strict=True)]
+    far = norms(places - scaled.vertices) > 0.0
+    for owners, (normals, levels) in zip(scaled.facet_faces, planes, strict=True):
+        for k, face in ((k, own[0]) for k, own in enumerate(owners) if own):
+            rows = np.array(scaled.faces[face]) - 1
+            if far[rows].any():
+                middle = places[rows].mean(axis=0)
+                normal = np.linalg.svd(places[rows] - middle)[2][2]
+                normals[k] = normal * np.sign(normal @ normals[k])
+                levels[k] = normals[k] @ (middle - scaled.seed)
     return planes
 
 

@@ -58,6 +58,12 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
     return replace(made, surfaces=rounds, facet_errors=errors, notes=body.notes, deviation=body.deviation)
 
 
+def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
+    """Return where the corners are of a body whose faces moved outward, (faces,), as of `on_true_faces`; (n, 3)."""
+    moved = _moved_faces(body, offsets)
+    return None if moved is None else _corners_on(moved[1], body, offsets)
+
+
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round.
 
@@ -114,20 +120,28 @@ def _moved_faces(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept]] |
     rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
     if not rounds or errors is None:
         return None
+    true = _each_surface(body, rounds, offsets)
+    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
+    return (rounds, true) if all(known) else None
+
+
+def _each_surface(body: Body, rounds: RoundFaces, offsets: Array) -> list[Swept]:
+    """Return the surface of each face of a body whose faces moved outward, (faces,): of round ones as given."""
     normals, points = body.face_planes
     true = [Swept.plane(point, n) for point, n in zip(points + offsets[:, None] * normals, normals, strict=True)]
     for surface, rows in rounds:
         for row in rows:
             true[row] = surface
-    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
-    return (rounds, true) if all(known) else None
+    return true
 
 
 def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | None:
     """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3).
 
-    None where faces that meet as drawn no longer do, as a plane and a fillet of another radius.
+    As far off them as drawn, by the digits of a file: facets stay in one plane with those of another part. None where
+    faces that meet as drawn no longer do, as a plane and a fillet of another radius.
     """
+    drawn = _each_surface(body, round_surfaces(body), np.zeros(len(body.faces)))
     places, around = body.vertices.copy(), faces_around(body)
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
     moved = dict[int, list[int]]()  # by how many faces meet there
@@ -137,10 +151,11 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
             places[row] = _carried(places[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
     for rows in moved.values():
         which = np.array([sorted(around[row]) for row in rows])
+        kept = misses_of_each(body.vertices[rows], drawn, which)[0]
         for _ in range(NEWTON_STEPS):
             gaps, normals = misses_of_each(places[rows], true, which)
-            places[rows] -= (np.linalg.pinv(normals, rcond=SMOOTH) @ gaps[..., None])[..., 0]
-        if np.abs(misses_of_each(places[rows], true, which)[0]).max() > DEFAULT.snap * body.size:
+            places[rows] -= (np.linalg.pinv(normals, rcond=SMOOTH) @ (gaps - kept)[..., None])[..., 0]
+        if np.abs(misses_of_each(places[rows], true, which)[0] - kept).max() > DEFAULT.snap * body.size:
             return None
     return places
 

@@ -696,9 +696,14 @@ def _extreme(
         own = [size.of_body(roles[size.body]) for size in sizes if size.body in roles]
         if own:
             touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, permanent=False)
-            gap, places = touching.least() if made == "worst" else touching.largest()
-            found.append((sign * gap, dict(zip((size.name for size in own), places.tolist(), strict=True))))
-    known = dict.fromkeys((size.name for size in sizes), 0.0)
+            places = touching.least_of_each() if made == "worst" else touching.largest()[1]
+            ends = np.where(
+                np.eye(len(own), dtype=bool), touching.box.T[:, None], places
+            )  # (2, k, k): each at its ends
+            matter = (touching.gaps(ends) != touching.gaps(places)).any(axis=(0, 2)).tolist()
+            at = {size.name: x for size, x, does in zip(own, places.tolist(), matter, strict=True) if does}
+            found.append((sign * float(touching.gap(places)), at))
+    known = {size.name: float(np.clip(0.0, *size.tolerance)) for size in sizes}
     for _, at in sorted(found, key=lambda own: -own[0]):
         known |= at
     return known

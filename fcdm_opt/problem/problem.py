@@ -67,6 +67,7 @@ MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no mo
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
 _NOMINAL = ("nominal_pair", "_nominal_pair_touches")  # of the nominal contact, besides where it is on the curve
 _ON_CURVE = ("nominal_contact", "_closed")
+HALVINGS = 7  # of the sizes made, to where contacts as drawn are last there
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -332,7 +333,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
     def _check_goal(self) -> None:
-        if self.goal in TRACKING and not self.touches_between_facets:
+        if self.goal in (*TRACKING, FIT) and not self.touches_between_facets:
             self.check_goal(self.target, self.signs)
 
     @cached_property
@@ -685,19 +686,37 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tupl
         raise InputError(what, key="nominal", found=request["nominal"], allowed='"drawn", or a pair of scales')
     active, box = active_bodies(request["movable"], request["static"], request["nominal"], request["box"])
     drawn = NominalContact(**{**request, "goal": request["goal"] or "at", "active": active, "box": box})
-    values, made, indices = _by_role(request["sizes"], parts["made"]), [], drawn.active_indices
-    for role, body in zip(("movable", "static"), active, strict=True):
-        if indices is not None and len(parts[role].parts) == len(request[role].parts):
-            made.append(parts[role].subset(body.part_indices))
-        else:
-            made.append(parts[role])
-    over = CarriedOver(active, (made[0], made[1]), (values["movable"], values["static"]))
-    contacts = {
-        **{name: getattr(drawn, name) for name in _NOMINAL},
-        "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
-        "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
-    }
-    return contacts, indices
+    values, indices = _by_role(request["sizes"], parts["made"]), drawn.active_indices
+
+    def contacts(share: float) -> dict[str, Any]:
+        """Return them at a share of what is made."""
+        its, made = {role: {size: share * x for size, x in own.items()} for role, own in values.items()}, []
+        for role, body in zip(("movable", "static"), active, strict=True):
+            whole = parts[role] if share == 1.0 else resized(request[role], its[role])
+            same = indices is not None and len(whole.parts) == len(request[role].parts)
+            made.append(whole.subset(body.part_indices) if same else whole)
+        over = CarriedOver(active, (made[0], made[1]), (its["movable"], its["static"]))
+        return {
+            **{name: getattr(drawn, name) for name in _NOMINAL},
+            "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
+            "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
+        }
+
+    try:
+        return contacts(1.0), indices
+    except InputError as reason:
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2.0
+            try:
+                contacts(middle)
+            except InputError:
+                high = middle
+            else:
+                low = middle
+        found = ", ".join(f"{name} = {x:.6g}" for name, x in parts["made"].items() if x)
+        allowed = f"deviations of {100.0 * low:.3g} % of these, or a question without contacts"
+        raise InputError(reason.what, key=reason.key, found=found, allowed=allowed) from reason
 
 
 def _check_motion(asked: Arguments) -> None:

@@ -220,11 +220,18 @@ def contributions_of(stack: StackUp) -> list[SizeShare]:
 
 
 def stack_notes(stack: StackUp) -> list[str]:
-    """Return what a stack-up leaves out, a sentence each: contacts always closed, sizes at which a face vanishes."""
+    """Return what a stack-up leaves out or takes as given, a sentence each.
+
+    Contacts that are always closed, motions that only weights decide, sizes at which a face vanishes.
+    """
     factor, face, where = stack.touching.vanishing
     end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
     beyond = f"{end}: parts made beyond are refused, rows go on without it"
-    return [*not_counted(stack.standing), *([beyond] if factor < 1.0 else [])]
+    free = (
+        f"closed contacts leave {' and '.join(stack.weighted)} free together, and the gap depends on them: it is that "
+        "of the least motions, by their weights"
+    )
+    return [*not_counted(stack.standing), *[free] * bool(stack.weighted), *[beyond] * (factor < 1.0)]
 
 
 def commented_out_sizes(path: Path) -> str:

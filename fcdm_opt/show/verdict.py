@@ -253,9 +253,10 @@ def _effect(solution: Solution) -> str:
     made = {"touching": "touch", "apart": f"are {gap} apart", "overlapping": f"overlap by {gap}"}.get(state, state)
     if problem.goal == "clear":
         return f"{then}it is {gap} clear of {other}" if state == "apart" else f"{then}it just clears {other}"
-    if problem.goal == "beyond":
+    if problem.goal == "beyond" and solution.rho is not None:
         but = "but " * (state == "overlapping")
-        return f"{then}{contact}, for sizes up to those asked; {but}the parts made {made}"
+        scales = " and ".join(f"{scale:.6g}" for scale in solution.rho)
+        return f"{then}{contact} at scales {scales}, those asked or beyond; {but}the parts made {made}"
     settled = state == "touching" or problem.goal == "fit"
     return f"{then}{contact}" + ("" if settled else f"; the parts made {made}")
 

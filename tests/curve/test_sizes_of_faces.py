@@ -742,3 +742,24 @@ def test_parts_that_were_cut_again_at_another_diameter_changed_their_numbers() -
             assert len(made.parts) == len(base.parts)
             for part, drawn in zip(made.parts, base.parts, strict=True):
                 assert np.abs(part.vertices.mean(axis=0) - drawn.vertices.mean(axis=0)).max() < 0.1
+
+
+def test_the_worst_sizes_left_those_of_other_contacts_as_drawn() -> None:
+    """A block against two walls is longer by 0.1 about its middle, and one wall stands out by 0.03: 0.05 and 0.03."""
+    block, walls = (
+        fo.Box((20, 10, 10), centre=(10, 5, 5), name="block"),
+        fo.joined(fo.Box((5, 40, 10), centre=(-2.5, 0, 5)), fo.Box((40, 5, 10), centre=(20, -2.5, 5)), name="walls"),
+    )
+    for low, at in (-0.03, 0.03), (0.0, 0.03), (0.01, 0.03), (-0.03, -0.01):
+        sizes = [
+            fo.Size("length", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.1),
+            fo.Size("wall", "static", faces={"through": (30, 0, 5)}, tolerance=(low, at)),
+        ]
+        both = fo.Translation("x") >> fo.Translation("y")
+        asked = fo.Problem(block, walls, motion=both, sizes=sizes, made="worst", goal="at", contacts="all")
+        assert asked.made == pytest.approx({"length": 0.1, "wall": at})
+        assert fo.solve(asked).amount == pytest.approx(math.hypot(0.05, at))
+        parts, named = {"block": block, "walls": walls}, {"movable": "block", "static": "walls"}
+        own = [replace(size, body=named[size.body]) for size in sizes]
+        assembly = fo.Assembly(parts, [("block", "walls")], motions={"block": both}, sizes=own, made="worst")
+        assert assembly.made == asked.made

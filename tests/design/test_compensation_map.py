@@ -372,3 +372,22 @@ def test_cells_beside_a_jump_told_a_motion_between_two_that_do() -> None:
     for a, b, cell in zip(*(own[(cells != "?") & (cells != "-")].tolist() for own in (*places, cells)), strict=True):
         least = fo.solve(problem.changed(requirement=None, tolerance=None, target=(a, b)), effort="quick")
         assert abs(float(cell)) == pytest.approx(abs(least.parameters[grid.name]), abs=near)
+
+
+@pytest.mark.parametrize("pin", [fo.Cylinder(5, 20, facets=16, name="pin"), fo.Box((10, 10, 10), centre=(0, 0, 5))])
+def test_a_map_that_ends_where_the_parts_touch_as_drawn_had_no_known_error(pin):
+    """A floor lower by up to 0.1: the part goes down by as much, whatever its width is, and not at all at the end."""
+    base, faces = fo.Box((40, 40, 10), centre=(0, 0, -5), name="base"), ["-x", "+x"]
+    sizes = [
+        fo.Size(
+            "wide", "movable", faces=faces if len(pin.faces) == 6 else ["cylinder radius 5"], each=0.5, tolerance=0.1
+        ),
+        fo.Size("floor", "static", faces=["+z"], tolerance=(-0.1, 0.0)),
+    ]
+    asked = fo.Problem(pin, base, motion=fo.Translation("z"), sizes=sizes, made={}, goal="touch")
+    found = compensation_map(asked, seconds=600.0)
+    assert found.reached < 1e-7
+    assert found.solved <= (240 if len(pin.faces) == 6 else 30)  # 388 and 67 before
+    assert found.undecided == 0
+    places = np.random.default_rng(1).uniform([-0.1, -0.1], [0.1, 0.0], (20, 2))
+    assert found.at(*places.T).amount == pytest.approx(-places[:, 1], abs=1e-9)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from ordinary import CUBE, FAR, box, problems, random_scene
 
+from fcdm_opt import pacing
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
@@ -194,6 +195,22 @@ def test_four_constraints_clash_only_all_together():
     assert math.isinf(least["keep-out 'post'"].by)
     assert least["keep-out 'post'"].amount == pytest.approx(4.0, abs=1e-9)
     assert found.solves <= 40
+
+
+def test_what_clashes_took_as_long_as_it_took():
+    """With a time it ends then, with what is known: at first that all constraints clash, proved as the answer is."""
+    asked = touching_wall(limits={"TX": (0, 6), "TY": (-1, 1.5)}, keep_out=[POST])
+    whole = solve(asked)
+    with pacing.looking(2):
+        found = conflicts(whole, time=60.0)
+    assert sets(found) == {frozenset(names(asked))}
+    assert found.clashes[0].proved
+    assert (found.complete, found.relaxations, found.deviation, found.trials) == (False, (), None, ())
+    assert found.stopped in str(found)
+    assert found.to_dict()["stopped"].startswith("the time limit of 60 s was met")
+    assert conflicts(whole, time=60.0).stopped == ""
+    with pytest.raises(InputError, match="not a time"):
+        conflicts(whole, time=0.0)
 
 
 def test_two_keep_outs_and_two_limits_leave_no_room():

@@ -678,3 +678,30 @@ def test_a_size_that_the_worst_case_does_not_depend_on_is_not_told_at_it() -> No
     assert stack.worst().largest == pytest.approx(0.15)
     lines = [line for line in str(stack).splitlines() if line.startswith("worst case")]
     assert all("near" in line and "far" not in line for line in lines)
+
+
+def test_a_gap_that_the_weights_of_free_motions_decide_did_not_say_so() -> None:
+    """A part s wider between two jaws: of all places where the right jaw touches it the weights choose one."""
+
+    def box(name: str, low: tuple[float, ...], high: tuple[float, ...]) -> fo.Body:
+        return fo.Body.convex(list(product(*zip(low, high, strict=True))), name=name, unit="mm")
+
+    bodies = box("left", (-25, -5, 2), (-15, 5, 30)), box("right", (15, -5, 2), (25, 5, 30))
+    part, along = box("part", (-15, -10, 0), (15, 10, 20)), fo.Translation("x")
+    width = fo.Size("width", "part", faces=["+x", "-x"], each=0.5, tolerance=0.2)
+    motions = {"left": along, "right": along, "part": along}
+    world = dict.fromkeys(motions, "table")
+    table = box("table", (-50, -30, -5), (50, 30, 0))
+    contacts = [("left", "part"), ("right", "part"), ("part", "table")]
+    for weight in (1.0, 5.0):
+        gripper = fo.Assembly(
+            [*bodies, part, table], contacts, [width], motions, follows=world, weights={"part": weight}
+        )
+        found = fo.stack_up(gripper, of=("left", "part"))
+        assert found.worst().least == pytest.approx(-0.1 * (1.0 + 1.0 / (1.0 + weight**2)))
+        assert found.weighted == ("right.TX", "part.TX")
+        assert found.to_dict()["weighted"] == [*found.weighted]
+        assert "leave right.TX and part.TX free" in str(found).replace("\n", " ")
+    found = fo.stack_up(fo.Assembly([*bodies, part, table], contacts, [width], motions), of=("left", "part"))
+    assert found.worst().least == pytest.approx(-0.1)  # the jaws go with the part, and weights play no part
+    assert found.weighted == ()

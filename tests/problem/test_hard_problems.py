@@ -13,6 +13,7 @@ import pytest
 from cases import box_shape, shape, union
 from ordinary import problems
 
+import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
@@ -286,3 +287,12 @@ def test_extreme_numbers_overflowed(changes: dict[str, Any]) -> None:
     except InputError:
         return
     assert solution.usable or not solution.status.found
+
+
+def test_a_fit_of_contacts_that_are_not_there_was_an_index_error() -> None:
+    """At scales (1.2, 0.91) a block and its base are apart: no contact is there whose gaps could be made small."""
+    block, base = fo.Box((10, 10, 10), centre=(0, 0, 15)), fo.Box((20, 20, 20))
+    asked = {"motion": fo.Translation("z"), "target": (1.21, 0.92), "contacts": "all", "goal": "fit"}
+    with pytest.raises(fo.InputError, match="the nominal pair is not on the decision curve: nearest to it is"):
+        fo.Problem(block, base, nominal=(1.2, 0.91), **asked)
+    assert fo.solve(fo.Problem(block, base, nominal=(1.2, 0.9), **asked)).amount == pytest.approx(0.25)

@@ -381,3 +381,13 @@ def test_what_blocks_a_round_pin_is_told_of_its_true_face(facets: int) -> None:
         told = str(fo.solve(asked))
         assert "TX -0.02 mm + TY -0.02 mm, TX at the limit" in told
         assert "overlap by 0.02 mm" in told
+
+
+@pytest.mark.parametrize(("letter", "sides"), [("A", (1, 1)), ("D", (-1, -1))])
+def test_beyond_was_said_to_hold_for_all_sizes_up_to_those_asked(letter: str, sides: tuple[int, int]) -> None:
+    """Both features touch at one pair of scales, which is the target's or beyond it."""
+    problem = next(own for own in fo.load_problems(PROBLEMS / "example1.toml") if own.name == letter)
+    text = str(fo.solve(problem, effort="quick")).replace("\n", " ")
+    found = re.search(r"at scales ([\d.]+) and ([\d.]+), those asked or beyond", text)
+    assert found is not None, text
+    assert (sides * (np.array(found.groups(), float) - problem.target) >= -1e-5).all()

@@ -111,9 +111,13 @@ def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | No
         values = [curve(t) for curve in curves]
         return values[0] - values[1] if len(values) == 2 else np.subtract(values[0][1:, None], walls).ravel()
 
-    at_low, at_high = off(low), off(high)
+    ends = np.array([off(low), off(high)])
     with np.errstate(invalid="ignore"):
-        changes = np.where(at_low * at_high <= 0, np.abs(at_high - at_low), -1.0)
+        differ = np.abs(ends[1] - ends[0])
+        ends[np.abs(ends) <= FINEST * NARROW / (high - low) * differ] = 0.0  # they agree at an end, but for rounding
+        changes = np.where(ends[0] * ends[1] <= 0, differ, -1.0)
     changes[~np.isfinite(changes)] = -1.0
     k = int(np.argmax(changes))
+    if changes[k] > 0 and not ends[:, k].all():
+        return high if ends[1, k] == 0.0 else low
     return float(brentq(lambda t: off(t)[k], low, high, xtol=1e-15, rtol=1e-14)) if changes[k] > 0 else None

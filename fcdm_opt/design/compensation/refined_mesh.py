@@ -81,7 +81,7 @@ class RefinedMesh(SizeMesh):
             self.subdivide()
             for edge in later:
                 edge.must = True
-            if self.made == made:
+            if self.made == made and not any(ends not in self.edges for one in waiting for ends in one.edges):
                 break
         self._judge([simplex for simplex in self.simplices if not simplex.finished], last=True)
         for simplex in self.simplices:
@@ -326,9 +326,17 @@ class RefinedMesh(SizeMesh):
             return
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
-            if held not in edge.middle and self.length(ends) <= SHORTEST:  # which is not split: straight
-                p, q = (self.vertices[k].values[held] for k in ends)
-                edge.middle[held], edge.off[held] = (p + q) / 2.0, np.zeros(2)
+            if held in edge.middle:
+                continue
+            p, q = (self.vertices[k] for k in ends)
+            straight, place = (p.values[held] + q.values[held]) / 2.0, (p.place + q.place) / 2.0
+            alike = [
+                edge.off[one] for one, own in edge.middle.items()
+                if np.isfinite([straight[0], own[0]]).all()
+                and self._apart(straight, own, place).max() <= self._rounding
+            ]  # fmt: skip
+            if self.length(ends) <= SHORTEST or alike:  # not split, or a border along which motions are the same
+                edge.middle[held], edge.off[held] = straight, (alike or [np.zeros(2)])[0]
         missing = [edge for edge in edges if held not in edge.middle]
         if missing:
             if last or least:

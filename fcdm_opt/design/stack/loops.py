@@ -38,12 +38,16 @@ class Loop:
     exact : bool
         Whether all rows are of true faces, whatever facets stand for them.
     closed : tuple of GapClaims
+    weighted : tuple of str
+        Motions, by name, that contacts which stay closed leave free together, and that the gap depends on: the least
+        ones are taken, by their weights.
     """
 
     touching: TouchingSizes
     pair: GapClaims
     exact: bool
     closed: tuple[GapClaims, ...] = ()
+    weighted: tuple[str, ...] = ()
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
@@ -89,10 +93,13 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     relations = relations_of(assembly)
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
 
-    def opened(chosen: int) -> tuple[Array, Array]:
-        """Return the motions that close all other contacts, and the rows of one relation, by all sizes."""
+    def opened(chosen: int, times: Array | float = 1.0) -> tuple[Array, Array]:
+        """Return the motions that close all other contacts, and the rows of one relation, by all sizes.
+
+        The least ones by the motions' weights, or by so many times these.
+        """
         own = np.array([line.relation == chosen for line in gaps.lines], bool)
-        motions = _closed(assembly, base.values[~own], slopes[~own], box)
+        motions = _closed(assembly, times, base.values[~own], slopes[~own], box)
         return motions, base.values[own] + slopes[own] @ motions
 
     if of is None:
@@ -126,7 +133,13 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     rows = replace(touching, sizes=assembly.sizes, as_drawn=True)
     others = (k for k, other in enumerate(asked) if other != pair)
     still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
-    return Loop(rows, claim, gaps.exact and pair in asked, still)
+    times = np.arange(1.0, len(rest) + 1.0, dtype=np.float64)  # any weights but the ones asked for
+    off = opened(asked.index(pair) if pair in asked else -1, times)[0] - motions
+    along = relation.motion.ways(relation.movable.seed, relation.static.seed)
+    gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
+    free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
+    weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
+    return Loop(rows, claim, gaps.exact and pair in asked, still, weighted)
 
 
 def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:
@@ -148,9 +161,9 @@ def _claims(gaps: ContactGaps, chosen: int, motions: Array, sizes: Sequence[Size
                           told=lambda places: np.zeros(len(places)))  # fmt: skip
 
 
-def _closed(assembly: Assembly, values: Array, slopes: Array, box: Array) -> Array:
+def _closed(assembly: Assembly, times: Array | float, values: Array, slopes: Array, box: Array) -> Array:
     """Return the least motions that close contacts, (q, 1 + k): at sizes of 0, and by each."""
-    weights = np.array([own.weight for own in assembly.coordinates])
+    weights = times * np.array([own.weight for own in assembly.coordinates])
     motions = -(np.linalg.pinv(slopes / weights, rcond=DEFAULT.nominal) @ values) / weights[:, None]
     left = np.abs(values + slopes @ motions)
     open_ = left[:, 0] + left[:, 1:] @ np.abs(box).max(axis=1)

@@ -196,6 +196,11 @@ class StackUp:
         return self.touching.permanent_in_words
 
     @property
+    def weighted(self) -> tuple[str, ...]:
+        """Motions that closed contacts leave free and that the gap depends on: it is that of the least, by weights."""
+        return () if self.loop is None else self.loop.weighted
+
+    @property
     def on_true_faces(self) -> bool:
         """Whether gaps are those of the faces that facets stand for."""
         drawn = self.loop is not None and self.loop.pair.permanent_faces is not None
@@ -413,6 +418,7 @@ class StackUp:
             "known_to": self.known_to,
             "rows": self.rows,
             "standing": self.standing,
+            "weighted": self.weighted,
             "worst": self.worst(),
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
@@ -435,7 +441,8 @@ def stack_up(
     as drawn are looked at, each along its normal.
 
     Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
-    contacts closed by motions, which must only shift.
+    contacts closed by motions, which must only shift. Of several such motions the least are taken, by their weights:
+    `StackUp.weighted` names those, where the gap depends on which are.
 
     Parameters
     ----------

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
+from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
 from fcdm_opt.design.whatif.search import FINE, Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
@@ -43,10 +45,13 @@ class Conflicts(Plain):
         Where the motion alone cannot do it: whether others, or another goal, can.
     solves : int
     seconds : float
+    stopped : str
+        At what the time given was over, where it was: what is missing was not looked for to the end.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
+        "stopped",
     )  # fmt: skip
     plain_kinds: ClassVar[Mapping[str, Any]] = {"constraints": tuple[str, ...]}
 
@@ -59,6 +64,7 @@ class Conflicts(Plain):
     trials: tuple[Trial, ...] = ()
     solves: int
     seconds: float
+    stopped: str = ""
 
     def __str__(self) -> str:
         lines = list(filter(None, (verdict(self.problem) or unlike_steps(self.problem),)))  # what `solve` says of it
@@ -77,7 +83,8 @@ class Conflicts(Plain):
             none = f"no share {what}, down to {0.0 if math.isnan(value) else FINE:g},"
             share = f"{value:.6g} {what}" if self.deviation.cures else none
             lines.append(f"with {share} a motion is found (sampled)")
-        return "\n".join([*lines, *(f"try {trial}" for trial in self.trials)])
+        lines += [f"try {trial}" for trial in self.trials]
+        return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"; constraints are told by their names."""
@@ -86,7 +93,12 @@ class Conflicts(Plain):
 
 @known_arguments
 def conflicts(
-    problem: Scene | Bounded, *, certify: bool = False, relax: bool = True, deviation: bool = True
+    problem: Scene | Bounded,
+    *,
+    certify: bool = False,
+    relax: bool = True,
+    deviation: bool = True,
+    time: float | None = None,
 ) -> Conflicts:
     """Find out why a problem or an assembly has no motion, or none that stays in the fit in which the parts are drawn.
 
@@ -101,6 +113,8 @@ def conflicts(
         form.
     deviation : bool
         Look for the largest share of the deviation from nominal that can be made good, too.
+    time : float, optional
+        Wall time in seconds after which all ends, with what is known so far, see `Conflicts.stopped`.
 
     Returns
     -------
@@ -110,31 +124,41 @@ def conflicts(
     ------
     InputError
         For a problem that has a motion: `drop` tells what its constraints cost.
+    TimeOverError
+        Where not even the problem's own answer was known in time.
     """
     known, scene = problem if isinstance(problem, Bounded) else None, scene_of(problem)
     for key, value in {"certify": certify, "relax": relax, "deviation": deviation}.items():
         arguments.truth(value, key)
     start, search = perf_counter(), ClashSearch(scene)
-    whole = known or search.solved(scene, effort="proved")  # as `solve` answers it
-    search.inside = whole.verified and not whole.usable
-    if whole.usable:
-        what = "the problem has a motion: nothing clashes"
-        allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
-        amount = f"amount {measured(whole.amount, whole.amount_unit)}"
-        raise InputError(what, key="problem", found=amount, allowed=allowed)
-    clashes, complete = search.smallest(whole)
-    if certify:
-        clashes = [search.certified(clash) for clash in clashes]
-    members = dict.fromkeys(name for clash in clashes for name in clash.names)
-    by_name = {one.name: one for one in search.constraints}
+    with pacing.within(time):
+        whole = known or search.solved(scene, effort="proved")  # as `solve` answers it
+        search.inside = whole.verified and not whole.usable
+        if whole.usable:
+            what = "the problem has a motion: nothing clashes"
+            allowed = "a problem without a motion; `drop` tells what each constraint of a solvable one costs"
+            amount = f"amount {measured(whole.amount, whole.amount_unit)}"
+            raise InputError(what, key="problem", found=amount, allowed=allowed)
+        clashes, complete = pacing.in_time(search.smallest, whole, late=None) or search.undivided()
+        if certify:
+            clashes = [pacing.in_time(search.certified, clash, late=clash) for clash in clashes]
+        members = dict.fromkeys(name for clash in clashes for name in clash.names)
+        by_name = {one.name: one for one in search.constraints}
+        least = (pacing.in_time(search.least_relaxation, by_name[name], late=None) for name in members if relax)
+        relaxations = tuple(filter(None, least))
+        share, trials = pacing.in_time(search.largest_deviation, late=None) if deviation else None, list[Trial]()
+        with suppress(pacing.TimeOverError):
+            trials += () if members else search.trials()
+        stopped = pacing.stopped()
     return Conflicts(
         problem=scene,
         constraints=search.constraints,
         clashes=tuple(clashes),
         complete=complete,
-        relaxations=tuple(search.least_relaxation(by_name[name]) for name in members if relax),
-        deviation=search.largest_deviation() if deviation else None,
-        trials=() if members else tuple(search.trials()),
+        relaxations=relaxations,
+        deviation=share,
+        trials=tuple(trials),
         solves=search.solves,
         seconds=perf_counter() - start,
+        stopped=stopped,
     )

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Any, ClassVar
 
+from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
 from fcdm_opt.design.whatif.fitting import largest_share
 from fcdm_opt.errors import InputError
@@ -242,6 +243,10 @@ class ClashSearch:
             clashing = [names for names in clashing if not any(names <= kept for kept in self.kept)]
             if clashing:
                 return self._clashes(clashing), True
+        return self.undivided()
+
+    def undivided(self) -> tuple[list[Clash], bool]:
+        """Return all constraints as one clash, where there was no time to look for smaller ones, see `smallest`."""
         return self._clashes([self.names]), False
 
     def _sets(self, size: int, shared: Sequence[list[Names]]) -> Iterator[Names]:
@@ -279,8 +284,11 @@ class ClashSearch:
         """Return the sizes made with which some constraints clash, see `Clash`."""
         off = [size.name for size in self.problem.sizes if (self.problem.made or {}).get(size.name)]
         kept = without(self.problem, self.names - names)
-        undone = [name for name in off if self.meets(solve(kept.with_sizes({name: 0.0}), effort="quick"))]
-        return tuple(undone or off)
+
+        def undone() -> list[str]:
+            return [name for name in off if self.meets(solve(kept.with_sizes({name: 0.0}), effort="quick"))]
+
+        return tuple(pacing.in_time(undone, late=off) or off)
 
     def certified(self, clash: Clash) -> Clash:
         """Return a clash with a proof where branch and bound has one."""
