@@ -234,7 +234,9 @@ def commented_out_sizes(path: Path) -> str:
     except (OSError, ValueError):
         return ""
     count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
-    return f"{count} are there, commented out; take the # away before the lines of those that count" if count else ""
+    told = "1 is there, commented out; take the # away before its lines"
+    many = f"{count} are there, commented out; take the # away before the lines of those that count"
+    return many if count > 1 else told if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:

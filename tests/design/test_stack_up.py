@@ -425,6 +425,8 @@ def test_a_stack_without_sizes_says_what_to_write(tmp_path: Path) -> None:
     text = (PROBLEMS / "boxes.toml").read_text(encoding="utf-8")
     path.write_text(f'{text}\n#[[size]]\n#name = "a"\n# [[size]]  # as init leaves it\n', encoding="utf-8")
     assert "2 are there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
+    path.write_text(path.read_text("utf-8").replace("#[[size]]", "", 1), encoding="utf-8")
+    assert "1 is there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
 
 
 # ----------------------------------------------------------------------------------------------- who contributes what
