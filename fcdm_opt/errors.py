@@ -179,7 +179,7 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
 
 def _shown(found: Any) -> str:
     try:
-        return repr(found)
+        return repr(found) if isinstance(found, str) else re.sub(r"\bnp\.\w+\(([^()]*)\)", r"\1", repr(found))
     except ValueError:  # whole numbers of so many digits that Python does not write them
         return f"{type(found).__name__} with too many digits"
 

@@ -97,6 +97,20 @@ def test_rows_of_round_parts_that_are_apart_were_those_of_their_facets(kind: str
         assert min(float(row(q=lifted)["gap"]) for row in rows.contacts) == pytest.approx(0.13, abs=1e-9)
 
 
+def test_a_motion_given_by_names_of_parameters_was_a_bare_type_error():
+    """The tip is at 0, the table's top too: lifted by .1 it is .1 above, whatever the shift along x."""
+    named, given = (fo.contact_rows(asked(target=(1.0, 1.0), motion=SHIFT), at=at) for at in ({"TZ": 0.1}, [0, 0, 0.1]))
+    assert named.at.tolist() == given.at.tolist() == [0.0, 0.0, 0.1]
+    assert str(named) == str(given)
+    for wrong, told in (
+        ({"TQ": 0.1}, "at.TQ: no such parameter"),
+        ({"TX": "a"}, "at.TX"),
+        ([1.0], "at: not one value"),
+    ):
+        with pytest.raises(fo.InputError, match=told):
+            fo.contact_rows(asked(motion=SHIFT), at=wrong)
+
+
 def test_rows_of_one_kind_share_their_function():
     one, two = (fo.contact_rows(asked(target=(rho, 1.0))) for rho in (1.02, 1.03))
     assert one.contacts[0].function is two.contacts[0].function
@@ -214,7 +228,7 @@ def test_printed_rows_were_thousands_of_letters():
 def test_several_features_are_to_be_named():
     with pytest.raises(fo.InputError, match="expected a Problem"):
         fo.contact_rows(PROBE)
-    with pytest.raises(fo.InputError, match="wrong number"):
+    with pytest.raises(fo.InputError, match="not one value for each motion parameter"):
         fo.contact_rows(asked(), at=[0.0])
     rows = fo.contact_rows(asked())
     with pytest.raises(fo.InputError, match="no such input"):
