@@ -158,7 +158,7 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
     except (OSError, ValueError):
         return None
     found, names = dict[tuple[str, ...], int](), dict[tuple[str, ...], tuple[str, ...]]()
-    table: tuple[str, ...] = ()
+    table = place = tuple[str, ...]()
     for number, line in enumerate(lines, 1):
         if head := re.match(r"\s*\[(\[?)\s*([^\]]+?)\s*\]", line):
             table = tuple(part.strip(" \"'") for part in head[2].split("."))
@@ -171,7 +171,7 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
             found.setdefault(place, number)
             if place[-1] == "name" and own[2]:  # cases and sizes go by their names, too
                 names.setdefault((*table[-2:-1], f"'{own[2]}'"), table)
-    place: tuple[str, ...] = ()
+    place = ()
     for part in re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key):  # case[2] 'B' is known by its number
         place = names.get((*place[-1:], part), place) if part[0] == "'" else (*place, part)
     return next((found[place[:k]] for k in range(len(place), 0, -1) if place[:k] in found), None)

@@ -240,8 +240,8 @@ def opened_files(
             files.append(OpenedFile(path, error=own))
             continue
         try:
-            kind, make = (Assembly, own.assemblies) if isinstance(own, AssemblyFile) else (Problem, own.problems)
-            make = partial(make, partial(_of_bodies, kind) if some else kind)
+            scene, make = (Assembly, own.assemblies) if isinstance(own, AssemblyFile) else (Problem, own.problems)
+            make = partial(make, partial(_of_bodies, scene) if some else scene)
             names = [case.name for case in own.case[:1]] if some else wanted
             files.append(OpenedFile(path, own.title, own.note, tuple(make(path, wanted=names))))
         except InputError as reason:

@@ -290,7 +290,7 @@ def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
         return TOGETHER.format(_places(len(situation.places)))
-    why = BECAUSE.get(("fitted" if situation.fitted else situation.state, choice.goal), OTHERWISE)
+    why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
@@ -459,27 +459,27 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     heights = np.abs(((points[plain] - points[plain, None]) * normals[plain]).sum(axis=2))
     alike = (turned <= DEFAULT.nominal) & (heights <= DEFAULT.snap * body.size)
     planes = [plain[own].tolist() for own in groups_of(components(np.argwhere(alike), len(plain)))]
-    over = [  # faces in one plane that look one way are made in one go, and move together
-        (float((points[two[0]] - points[one[0]]) @ normals[two[0]]), one, two)
-        for one, two in combinations(planes, 2)
-        if np.abs(normals[one[0]] + normals[two[0]]).max() <= DEFAULT.nominal
-        and any(_lie_over(body, *pair) for pair in product(one, two))
+    made = {own[0]: own for own in planes if own}  # faces in one plane that look one way are made in one go
+    over = [
+        (float((points[j] - points[i]) @ normals[j]), i, j)
+        for i, j in combinations(made, 2)
+        if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal
+        and any(_lie_over(body, *pair) for pair in product(made[i], made[j]))
     ]
     nearest = dict[tuple[int, bool], float]()
     for width, *ends in sorted(over, key=lambda own: -abs(own[0])):
-        nearest.update({(end[0], width > 0.0): abs(width) for end in ends})
+        nearest.update({(end, width > 0.0): abs(width) for end in ends})
     limit = len(found) + most
 
-    def rank(own: tuple[float, list[int], list[int]]) -> tuple[bool, float]:
-        far = max(nearest[end[0], own[0] > 0.0] for end in own[1:])
+    def rank(own: tuple[float, int, int]) -> tuple[bool, float]:
+        far = max(nearest[end, own[0] > 0.0] for end in own[1:])
         return abs(own[0]) > far, -abs(own[0])
 
-    for width, *ends in sorted(over, key=rank):
-        i, j = ends[0][0], ends[1][0]
+    for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if width and key not in known and len(found) < limit:
             axis = f"{one[1]} " if len(one := direction(normals[i])) == 2 else ""
-            labels = [[f"F{k + 1}" for k in end] for end in ends]
+            labels = [[f"F{k + 1}" for k in made[end]] for end in (i, j)]
             name = f"{axis}{'width' if width > 0.0 else 'gap'} {' to '.join(map(_listed, labels))}"
             if offered((*labels[0], *labels[1]), width, name, f"{_across(body, i, j)}, {abs(width):.6g}"):
                 known.add(key)
@@ -514,8 +514,7 @@ def _extent(body: Body, unit: str) -> str:
 
 def _round_ones(body: Body) -> str:
     """Return which round faces a body is told to have, see `rounded`."""
-    names = [*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own)] if round_surfaces(body) else []
-    return _listed(names)
+    return _listed([*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own and round_surfaces(body))])
 
 
 def _relative(mesh: Path, file: Path) -> str:

@@ -95,11 +95,11 @@ class Situation:
         return "apart" if self.gap > 0 else "overlapping"
 
     @cached_property
-    def fitted(self) -> bool:
-        """Whether the parts, apart as drawn, fit into each other with play; of large bodies that is not looked at."""
-        if self.state != "apart" or self.large:
-            return False
-        return holds(Problem(self.movable, self.static, target=DRAWN, goal="clear", motion=Free(), unit=self.unit))
+    def fit(self) -> str:
+        """`state`, but "fitted" of parts that are apart and between walls of each other; not of large bodies."""
+        both = self.movable, self.static
+        apart = self.state == "apart" and not self.large
+        return "fitted" if apart and holds(Problem(*both, target=DRAWN, goal="clear", motion=Free())) else self.state
 
     @cached_property
     def _on_true_faces(self) -> list[NearestPoints]:

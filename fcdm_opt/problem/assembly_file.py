@@ -138,10 +138,7 @@ class AssemblyFile(Entry, title="Assembly file"):
         keep_out: Sequence[KeepOut] | None = None,
         wanted: Container[str] = (),
     ) -> tuple[Made, ...]:
-        """Return what `Assembly` makes of the arguments of each case, or of those wanted; contents come from `file`.
-
-        Bodies may be built already.
-        """
+        """Return what `Assembly` makes of the arguments of each case, or those wanted; bodies may be built already."""
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)

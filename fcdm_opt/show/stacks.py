@@ -234,9 +234,8 @@ def commented_out_sizes(path: Path) -> str:
     except (OSError, ValueError):
         return ""
     count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
-    told = "1 is there, commented out; take the # away before its lines"
-    many = f"{count} are there, commented out; take the # away before the lines of those that count"
-    return many if count > 1 else told if count else ""
+    told = ("1 is there", "its lines") if count == 1 else (f"{count} are there", "the lines of those that count")
+    return f"{told[0]}, commented out; take the # away before {told[1]}" if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:
@@ -429,10 +428,9 @@ def _faces_sheet(
         for column, (k, own, side) in enumerate(row):
             area = (column * wide + SIDE, low, wide - SIDE, high - HEAD)
             role = [*problem.drawn][k]
-            colour = colours.get(role, COLOURS[k % len(COLOURS)])
-            axes, numbered = draw_numbered(sheet, area, own, colour, numbers[k])
-            seen[k] |= numbered
             name = ": ".join(dict.fromkeys((role, shortened(bodies[k].name, NAME))))
+            axes, numbered = draw_numbered(sheet, area, own, colours.get(role, COLOURS[k % len(COLOURS)]), numbers[k])
+            seen[k] |= numbered
             axes.set_title(literal(f"{name}, {side}"), pad=2.0)
             draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), problem.unit)
     each = zip(numbers, seen, strict=True)

@@ -265,8 +265,8 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     asked, names = all_sizes(problem, sizes, box)
     scene = ContactGaps(problem, asked, names, own=by_name(problem, sizes, box))
     transform = transform_of(problem, pose) if isinstance(problem, Problem) else None
-    values = None if transform is not None else motion_values([own.name for own in problem.coordinates], pose, "pose")
-    poses = [transform] if values is None else scene.transforms(values)
+    coordinates = () if transform is not None else [own.name for own in problem.coordinates]
+    poses = [transform] if transform is not None else scene.transforms(motion_values(coordinates, pose, "pose"))
     at, (pairs, source) = scene.rows(poses), drawn(asked.box)
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
