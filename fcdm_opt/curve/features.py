@@ -65,9 +65,9 @@ class Feature:
         """Return what meets what: "back face of key, face 8 (facing +y) of slot"."""
         words = list[str]()
         for own, body, part in ((self.one, movable, "the movable part"), (self.two, static, "the static part")):
-            told = told_element(body, own)
-            told = told if told.startswith("face ") else told.partition(" (facing")[0]  # a side tells it by its name
-            words.append(f"{told} of {body.name or part}")
+            name = told_element(body, own)
+            name = name if name.startswith("face ") else name.partition(" (facing")[0]  # a side tells it by its name
+            words.append(f"{name} of {body.name or part}")
         return ", ".join(words)
 
     def spellings(self, movable: Body, static: Body) -> set[str]:
@@ -78,7 +78,7 @@ class Feature:
             names = {names_of_faces(body, four_digits=few).get(face) for few in (False, True)}
             if element.kind == "F" and face in (rows := (body.full_body or body).face_rows):
                 names |= {described_faces(body)[face][0], f"face {rows[face] + 1}"}
-            sides.append({corners, *(told for name in names - {None} for told in (f" {name}", f"{corners} of {name}"))})
+            sides.append({corners, *(text for name in names - {None} for text in (f" {name}", f"{corners} of {name}"))})
         both = {f"{self.kind}(P1{one}; P2{two})" for one, two in product(*sides)}
         return both | {self.in_words(movable, static)}
 

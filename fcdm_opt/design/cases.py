@@ -64,8 +64,8 @@ class SolvedCases(Mapping[str, Any], NotebookRepr):
         """
         pandas, rows = extra("pandas", "tables", key="table"), self.rows()
         columns = [*rows[0]] if rows else [*COLUMNS]
-        left_out = () if full else (*COLUMNS, "verdict")
-        return pandas.DataFrame(rows, columns=[own for own in columns if own in OF_ANSWER or own not in left_out])
+        omitted = () if full else (*COLUMNS, "verdict")
+        return pandas.DataFrame(rows, columns=[own for own in columns if own in OF_ANSWER or own not in omitted])
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write these rows as CSV, which Excel opens as a table."""

@@ -234,8 +234,8 @@ def commented_out_sizes(path: Path) -> str:
     except (OSError, ValueError):
         return ""
     count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
-    told = ("1 is there", "its lines") if count == 1 else (f"{count} are there", "the lines of those that count")
-    return f"{told[0]}, commented out; take the # away before {told[1]}" if count else ""
+    words = ("1 is there", "its lines") if count == 1 else (f"{count} are there", "the lines of those that count")
+    return f"{words[0]}, commented out; take the # away before {words[1]}" if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:
