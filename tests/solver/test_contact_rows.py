@@ -55,8 +55,8 @@ def test_a_row_of_a_cut_part_names_the_faces_that_meet():
         names = [row.name.split(", ") for row in rows.contacts]
         assert len(names) == 2
         for one, two in names:
-            assert re.fullmatch(r"face \d of roof", one)
-            assert re.fullmatch(r"face \d of block", two)
+            assert re.fullmatch(r"face \d \(facing [+-]x and -y\) of roof", one)
+            assert re.fullmatch(r"face \d \(facing [+-]x and \+y\) of block", two)
 
 
 def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart_had_no_clearance():
