@@ -157,8 +157,8 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
         lines = Path(file).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError):
         return None
-    found: dict[tuple[str, ...], int] = {}
-    table: tuple[str, ...] = ()
+    found, names = dict[tuple[str, ...], int](), dict[tuple[str, ...], tuple[str, ...]]()
+    table = place = tuple[str, ...]()
     for number, line in enumerate(lines, 1):
         if head := re.match(r"\s*\[(\[?)\s*([^\]]+?)\s*\]", line):
             table = tuple(part.strip(" \"'") for part in head[2].split("."))
@@ -170,19 +170,16 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
             place = (*table, *(part.strip(" \"'") for part in own[1].split(".")))
             found.setdefault(place, number)
             if place[-1] == "name" and own[2]:  # cases and sizes go by their names, too
-                found.setdefault((*table[:-1], f"'{own[2]}'"), found.get(table, number))
-    parts = re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key)
-    for count in range(len(parts), 0, -1):
-        unnamed = [part for k, part in enumerate(parts[:count]) if k != 2 or part[0] != "'"]  # of case[2] 'B'
-        for place in (tuple(parts[:count]), tuple(unnamed)):
-            if line_found := found.get(place):
-                return line_found
-    return None
+                names.setdefault((*table[-2:-1], f"'{own[2]}'"), table)
+    place = ()
+    for part in re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key):  # case[2] 'B' is known by its number
+        place = names.get((*place[-1:], part), place) if part[0] == "'" else (*place, part)
+    return next((found[place[:k]] for k in range(len(place), 0, -1) if place[:k] in found), None)
 
 
 def _shown(found: Any) -> str:
     try:
-        return repr(found)
+        return repr(found) if isinstance(found, str) else re.sub(r"\bnp\.\w+\(([^()]*)\)", r"\1", repr(found))
     except ValueError:  # whole numbers of so many digits that Python does not write them
         return f"{type(found).__name__} with too many digits"
 

@@ -23,7 +23,7 @@ from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
-from fcdm_opt.problem.arguments import LARGEST
+from fcdm_opt.problem.arguments import LARGEST, by_parameter
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -382,10 +382,8 @@ def checked_direction(problem: Problem, direction: Any) -> Array:
     if direction is None:
         raise InputError("missing: which way, of several parameters", key="direction", allowed=allowed)
     if isinstance(direction, Mapping):
-        unknown = [key for key in direction if key not in names]
-        if unknown:
-            raise InputError("no such parameter", key="direction", found=unknown[0], allowed=", ".join(names))
-        direction = [direction.get(name, 0.0) for name in names]
+        given = by_parameter(direction, "direction", names)
+        direction = [given.get(name, 0.0) for name in names]
     try:
         values = np.atleast_1d(np.asarray(direction, dtype=np.float64))
     except (TypeError, ValueError) as reason:

@@ -209,6 +209,7 @@ def opened_files(
     InputError
         For a wanted case that no file has, or what else options name.
     """
+    from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.assembly_file import AssemblyFile, is_assembly
     from fcdm_opt.problem.keys import ProblemFile
     from fcdm_opt.problem.problem import Problem
@@ -240,8 +241,8 @@ def opened_files(
             files.append(OpenedFile(path, error=own))
             continue
         try:
-            made_of = _of_bodies if some else Problem
-            make = own.assemblies if isinstance(own, AssemblyFile) else partial(own.problems, made_of)
+            scene, make = (Assembly, own.assemblies) if isinstance(own, AssemblyFile) else (Problem, own.problems)
+            make = partial(make, partial(_of_bodies, scene) if some else scene)
             names = [case.name for case in own.case[:1]] if some else wanted
             refused = list[tuple[str, InputError]]()
             made = tuple(make(path, wanted=names, refused=refused))
@@ -255,16 +256,18 @@ def opened_files(
     return files
 
 
-def _of_bodies(**asked: Any) -> Any:
-    """Return a problem, or one about the same bodies alone where it is refused; says on stderr why that is."""
-    from fcdm_opt.problem.problem import Problem
+BODIES = ("movable", "static", "motion", "parts", "contacts", "motions", "follows", "unit")
+"""Arguments of problems and assemblies that tell which bodies there are, and how they move."""
 
+
+def _of_bodies(kind: Callable[..., Any], **asked: Any) -> Any:
+    """Return a problem or assembly, or one of the same bodies alone where it is refused; says on stderr why that is."""
     try:
-        return Problem(**asked)
+        return kind(**asked)
     except InputError as reason:
-        bodies = {key: asked[key] for key in ("movable", "static", "motion", "unit")}
-        found = Problem(**bodies, goal="touch", target=(1.0, 1.0))
-        say(f"this is of both bodies as drawn, {asked.get('name') or 'the case'} is refused: {reason}")
+        kept = {key: asked[key] for key in BODIES if key in asked}
+        found = kind(**kept, **({"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}))
+        say(f"this is of all bodies as drawn, {asked.get('name') or 'the case'} is refused: {reason}")
         return found
 
 

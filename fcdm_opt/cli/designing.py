@@ -329,17 +329,16 @@ def faces_command(
     out: common.Out = None,
     dark: common.Dark = False,
 ) -> None:
-    """List the faces of both bodies with the names that [[size]] tables use; draw them with --out."""
+    """List the faces of all bodies with the names that [[size]] tables use; draw them with --out."""
     from fcdm_opt.show.stacks import faces_figure, listed_faces, print_faces
 
     inquiry = Inquiry(files, None, as_json=as_json, out=out, dark=dark, some=True)
     for file in inquiry:
         problem = file.problems[0]
-        bodies = {role: problem.request[role] for role in ("movable", "static")}
-        inquiry.say_of("faces", {role: listed_faces(body) for role, body in bodies.items()})
+        inquiry.say_of("faces", {role: listed_faces(body) for role, body in problem.drawn.items()})
         if not as_json:
             inquiry.print_head(file)
-            for role, body in bodies.items():
+            for role, body in problem.drawn.items():
                 print_faces(body, role)
         if inquiry.pictures is not None:
             inquiry.pictures.add(file.path.stem, faces_figure(problem, title=file.name), ending="-faces")

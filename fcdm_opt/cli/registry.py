@@ -144,7 +144,9 @@ problems/peg_tapered.toml --case A --clearance=-inf,0.5""",
             **dict.fromkeys(("as_drawn", "at_the_best_pose"), ("design.fixed_pose.clearances:Clearances",)),
         },
     ),
-    "faces": CommandRow(question=OTHERWISE, ends={**WELL, **BAD}, examples="problems/slot_and_key.toml"),
+    "faces": CommandRow(
+        question=OTHERWISE, assemblies=True, ends={**WELL, **BAD}, examples="problems/slot_and_key.toml",
+    ),
     "stack": CommandRow(
         question=OTHERWISE, assemblies=True,
         ends={**WELL, **BAD, NOT_VERIFIED: "a share of pairs that was not confirmed"},

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, cast
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import MANY, names_of_faces, told_element
+from fcdm_opt.geometry.naming import MANY, described_faces, names_of_faces, told_element
 
 FeatureKind = Literal["V1V2", "V1E2", "E1V2", "E1E2", "V1F2", "F1V2", "E1F2", "F1E2", "F1F2"]
 
@@ -50,23 +51,36 @@ class Feature:
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
         return f"{self.kind}(P1{one}; P2{two})"
 
-    def told(self, movable: Body, static: Body, *, four_digits: bool = False) -> str:
+    def told(self, movable: Body, static: Body) -> str:
         """Return the label with names of the bodies' faces: F1F2(P1 bottom; P2 face 75), see `names_of_faces`."""
         words = []
         for element, body in ((self.one, movable), (self.two, static)):
             face = tuple(sorted(element.vertices))
-            name = names_of_faces(body, four_digits=four_digits).get(face, "") if element.kind == "F" else ""
+            name = names_of_faces(body).get(face, "") if element.kind == "F" else ""
             corners = ",".join(f"V{v}" for v in element.vertices)
             words.append(corners if not name else f" {name}" if len(face) >= MANY else f"{corners} of {name}")
         return f"{self.kind}(P1{words[0]}; P2{words[1]})"
 
     def in_words(self, movable: Body, static: Body) -> str:
-        """Return what meets what: "back face of key, face 8 of slot"."""
-        pairs = (self.one, movable, "the movable part"), (self.two, static, "the static part")
-        words = (
-            f"{told_element(body, own).partition(' (facing')[0]} of {body.name or part}" for own, body, part in pairs
-        )
+        """Return what meets what: "back face of key, face 8 (facing +y) of slot"."""
+        words = list[str]()
+        for own, body, part in ((self.one, movable, "the movable part"), (self.two, static, "the static part")):
+            name = told_element(body, own)
+            name = name if name.startswith("face ") else name.partition(" (facing")[0]  # a side tells it by its name
+            words.append(f"{name} of {body.name or part}")
         return ", ".join(words)
+
+    def spellings(self, movable: Body, static: Body) -> set[str]:
+        """Return the texts that stand for this contact of two bodies: `told`, also by numbers of faces, `in_words`."""
+        sides = list[set[str]]()
+        for element, body in ((self.one, movable), (self.two, static)):
+            corners, face = ",".join(f"V{v}" for v in element.vertices), tuple(sorted(element.vertices))
+            names = {names_of_faces(body, four_digits=few).get(face) for few in (False, True)}
+            if element.kind == "F" and face in (rows := (body.full_body or body).face_rows):
+                names |= {described_faces(body)[face][0], f"face {rows[face] + 1}"}
+            sides.append({corners, *(text for name in names - {None} for text in (f" {name}", f"{corners} of {name}"))})
+        both = {f"{self.kind}(P1{one}; P2{two})" for one, two in product(*sides)}
+        return both | {self.in_words(movable, static)}
 
     @property
     def _key(self) -> tuple[str, frozenset[int], frozenset[int]]:

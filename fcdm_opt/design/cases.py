@@ -27,6 +27,7 @@ COLUMNS = (
     "amount_high", "rho_1", "rho_2", "pair_state", "pair_gap", "unit",
 )  # fmt: skip
 """Of a table of cases, before the motion's parameters (angles in degrees) and the verdict."""
+OF_ANSWER = ("case", "status", "usable", "amount", "lower_bound")
 OF_ALL = ("usable", "amount", "lower_bound", "gap", "amount_low", "amount_high")
 
 
@@ -56,10 +57,15 @@ class SolvedCases(Mapping[str, Any], NotebookRepr):
         """Return a row for each case: numbers, texts and None, with one column for each parameter of any motion."""
         return case_rows(self.items())
 
-    def to_frame(self) -> DataFrame:
-        """Return these rows as a pandas table (extra `tables`); numbers that are not there are nan."""
-        pandas = extra("pandas", "tables", key="table")
-        return pandas.DataFrame(self.rows(), columns=None if self else list(COLUMNS))
+    def to_frame(self, *, full: bool = False) -> DataFrame:
+        """Return the rows as a pandas table (extra `tables`); numbers that are not there are nan.
+
+        With case, status, bounds and motions alone, which fit a screen; `full`: with all columns.
+        """
+        pandas, rows = extra("pandas", "tables", key="table"), self.rows()
+        columns = [*rows[0]] if rows else [*COLUMNS]
+        omitted = () if full else (*COLUMNS, "verdict")
+        return pandas.DataFrame(rows, columns=[own for own in columns if own in OF_ANSWER or own not in omitted])
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write these rows as CSV, which Excel opens as a table."""

@@ -458,7 +458,7 @@ class Question:
         if scene.assembled:
             with _without_case_number(self.name):
                 file = checked(AssemblyFile, {**scene.to_dict(), "case": [self.case]})
-                return file.assemblies(bodies=scene.bodies, keep_out=scene.kept)[0]
+                return file.assemblies(Assembly, bodies=scene.bodies, keep_out=scene.kept)[0]
         problem = Problem(**checked(Case, self.case).asked(scene.built, _NO_DEFAULTS))
         scene.latest[:] = [problem.curve]
         return problem

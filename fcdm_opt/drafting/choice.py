@@ -25,7 +25,7 @@ MOST_SIDES = 6  # ways that contacts face which are tried
 MOST_PAIRS = 12  # of parts, with which the search for a tie stays short
 SECONDS = 20.0  # after which nothing further is begun: a file may be edited, waiting may not
 SHORT = 2.5  # seconds for one case of large meshes, or of parts whose widths do not go together
-GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear"), "overlapping": ("clear", "touch")}
+GOALS = {"touching": ("seat", "touch", "clear"), "apart": ("touch", "clear")}
 Contacts = str | tuple[str, ...] | None
 ANY_SHIFT = Translation("x") >> Translation("y") >> Translation("z")
 FEW, ENOUGH = 6, 12  # digits of a direction; these, where those leave more than rounding open
@@ -107,7 +107,7 @@ def chosen(situation: Situation) -> Choice:
         return side
     found: Choice | None = None
     start = perf_counter()
-    for goal in GOALS[situation.state]:
+    for goal in GOALS.get(situation.fit, ("clear", "touch")):
         if goal == "seat" and situation.on_round_face:
             continue  # it is about contacts as drawn, of facets
         best: Choice | None = None

@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, NamedTuple
@@ -18,15 +18,17 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from fcdm_opt import pacing, process_pool
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, closest
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, groups_of
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.naming import ROUND_KINDS, described_faces, names_of_rows
+from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
@@ -50,7 +52,7 @@ TILTED = (
 MOST_CONTACTS = 4  # contacts that are listed
 MOST_POINTS = 2  # switching points that are listed
 MOST_SIZES = 3  # that are listed of a part
-LONGEST = 60  # signs of a contact's label: that of a round face names hundreds of vertices
+LONGEST, SHORT_LIST = 90, 60  # signs of a row of contacts, and of faces
 UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: of parts that do not touch, of all
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
@@ -69,6 +71,7 @@ BECAUSE = {
     ("touching", "seat"): "flush as drawn, the parts are to stay so",
     ("touching", "touch"): "touching as drawn, the parts are to touch again",
     ("apart", "touch"): "apart as drawn, the parts are to meet",
+    ("fitted", "clear"): "with play between walls as drawn, the parts made are to go together again",
     ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
 }
 """Why a goal is proposed, by how the parts lie."""
@@ -159,6 +162,7 @@ def draft(
         "limits": partial(_limits, situation, choice),
         "steps": partial(parameter_table, length=steps, angle="0.1"),
         "moved": partial(_moved, unit=lengths),
+        "short": partial(short, bodies=(one, two)),
         "why_not": _why_not,
     }
     text = _template(filters).render(
@@ -213,7 +217,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
     made = Environment(
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    made.filters |= filters | {"motion": motion_entry, "point": point, "short": short, "shown": shown}
+    made.filters |= filters | {"motion": motion_entry, "point": point, "shown": shown}
     made.tests["about_parts"] = lambda note: note.startswith("one part: ") or CUT in note
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {
@@ -286,7 +290,7 @@ def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
         return TOGETHER.format(_places(len(situation.places)))
-    why = BECAUSE.get((situation.state, choice.goal), OTHERWISE)
+    why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
@@ -449,11 +453,18 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
         width = 2.0 * float(radius)
         called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))
         offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, told)
-    plain_ones = [k for k, name in enumerate(names) if " radius " not in name]
+    plain = np.array([k for k, name in enumerate(names) if " radius " not in name], np.int64)
+    plain = plain if len(plain) <= MOST_FACES else plain[:0]
+    turned = np.abs(normals[plain] - normals[plain, None]).max(axis=2)
+    heights = np.abs(((points[plain] - points[plain, None]) * normals[plain]).sum(axis=2))
+    alike = (turned <= DEFAULT.nominal) & (heights <= DEFAULT.snap * body.size)
+    planes = [plain[own].tolist() for own in groups_of(components(np.argwhere(alike), len(plain)))]
+    made = {own[0]: own for own in planes if own}  # faces in one plane that look one way are made in one go
     over = [
         (float((points[j] - points[i]) @ normals[j]), i, j)
-        for i, j in combinations(plain_ones if len(plain_ones) <= MOST_FACES else (), 2)
-        if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal and _lie_over(body, i, j)
+        for i, j in combinations(made, 2)
+        if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal
+        and any(_lie_over(body, *pair) for pair in product(made[i], made[j]))
     ]
     nearest = dict[tuple[int, bool], float]()
     for width, *ends in sorted(over, key=lambda own: -abs(own[0])):
@@ -468,9 +479,9 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))
         if width and key not in known and len(found) < limit:
             axis = f"{one[1]} " if len(one := direction(normals[i])) == 2 else ""
-            name = f"{axis}{'width' if width > 0.0 else 'gap'} F{i + 1} to F{j + 1}"
-            faces = (f"F{i + 1}", f"F{j + 1}")
-            if offered(faces, width, name, f"{_across(body, i, j)}, {abs(width):.6g}"):
+            labels = [[f"F{k + 1}" for k in made[end]] for end in (i, j)]
+            name = f"{axis}{'width' if width > 0.0 else 'gap'} {' to '.join(map(_listed, labels))}"
+            if offered((*labels[0], *labels[1]), width, name, f"{_across(body, i, j)}, {abs(width):.6g}"):
                 known.add(key)
     return found
 
@@ -501,10 +512,9 @@ def _extent(body: Body, unit: str) -> str:
     return f"{shown(body.name)}, {sides} {unit}, {len(body.parts)} convex part{'s' * (len(body.parts) > 1)}"
 
 
-def _round_ones(body: Body, most: int = 4) -> str:
+def _round_ones(body: Body) -> str:
     """Return which round faces a body is told to have, see `rounded`."""
-    names = [*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own)] if round_surfaces(body) else []
-    return ", ".join(names[:most]) + (f" and {more} more" if (more := len(names) - most) > 0 else "")
+    return _listed([*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own and round_surfaces(body))])
 
 
 def _relative(mesh: Path, file: Path) -> str:
@@ -565,10 +575,15 @@ def quoted(path: str | Path) -> str:
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
-def short(label: str) -> str:
-    """Return a contact's label, its middle left out where it is very long."""
-    half = LONGEST // 2
-    return label if len(label) <= LONGEST else f"{label[:half]} ... {label[-half:]}"
+def short(features: Sequence[Feature], bodies: tuple[Body, Body]) -> str:
+    """Return the labels of contacts of two bodies, the first ones where all are very long: "... and 3 more"."""
+    return _listed([own.told(*bodies) for own in features], " and ", LONGEST)
+
+
+def _listed(names: Sequence[str], between: str = ", ", longest: int = SHORT_LIST) -> str:
+    """Return names in a row, as many as are no longer than this together, the first at least: "F1, F2 and 3 more"."""
+    most = next((k for k in range(1, len(names)) if len(between.join(names[: k + 1])) > longest), len(names))
+    return between.join(names[:most]) + (f" and {len(names) - most} more" if most < len(names) else "")
 
 
 def shown(text: str) -> str:

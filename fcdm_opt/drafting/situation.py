@@ -23,7 +23,10 @@ from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.patches import NearestPoints, patches_of_element, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.model.true_faces import where_nearest
+from fcdm_opt.motion.motions import Free
 from fcdm_opt.problem.active_parts import active_bodies
+from fcdm_opt.problem.fit import holds
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 DRAWN = (1.0, 1.0)
@@ -42,10 +45,9 @@ class Near(NamedTuple):
     contact: Segment | SwitchingPoint
 
     @property
-    def features(self) -> str:
-        """Labels of what touches."""
-        features = (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
-        return " and ".join(feature.label for feature in features)
+    def features(self) -> tuple[Feature, ...]:
+        """What touches."""
+        return (self.contact.feature,) if isinstance(self.contact, Segment) else self.contact.features
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,13 @@ class Situation:
         if abs(self.gap) <= DEFAULT.snap * self.size and moved <= DEFAULT.snap:
             return "touching"
         return "apart" if self.gap > 0 else "overlapping"
+
+    @cached_property
+    def fit(self) -> str:
+        """`state`, but "fitted" of parts that are apart and between walls of each other; not of large bodies."""
+        both = self.movable, self.static
+        apart = self.state == "apart" and not self.large
+        return "fitted" if apart and holds(Problem(*both, target=DRAWN, goal="clear", motion=Free())) else self.state
 
     @cached_property
     def _on_true_faces(self) -> list[NearestPoints]:

@@ -927,7 +927,7 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
 
 
 def told_solids(bodies: Iterable[Body]) -> list[str]:
-    """Return for each body from a file of several solids how many these are, and how to have one alone."""
+    """Return for each body that is several solids how many these are, and how to have one of a file alone."""
     return [f"{body.name}: {note}" for body in bodies for note in body.notes if SEVERAL in note]
 
 

@@ -268,7 +268,7 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     if len(found) < 2:
         return drawn, (), ()
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
-    told = f"{len(found)} {SEVERAL}, taken as one body: {known}; one alone is '{path.name}#{first}'"
+    told = f"{len(found)} solids in the file{SEVERAL}: {known}; one alone is '{path.name}#{first}'"
     return drawn, tuple(found), (told,)
 
 

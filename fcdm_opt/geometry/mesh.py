@@ -35,7 +35,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from flint import fmpq
 
-SEVERAL = "solids in the file"  # in notes of bodies that are several
+SEVERAL = ", taken as one body"  # in notes of bodies that are several
 FOLDS = 0.001, 0.1, 1.0  # of `Tolerances.fold`: how much of a folded surface falls away, tried in turn
 
 

@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import AXES, Array, Ints, distinct_rows, groups_of
 from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
-from fcdm_opt.geometry.mesh import checked_mesh
+from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh, solids
 from fcdm_opt.geometry.tessellation import Surfaces, Swept, centroid_within, errors_of_faces
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.tolerances import DEFAULT
@@ -313,7 +313,9 @@ def _combined(
     within = DEFAULT.cut * float(norms(np.ptp(points, axis=0)))
     middle = centroid_within(mesh.vertices[mesh.triangles], mesh.triangle_faces, Surfaces(tuple(surfaces), 0.0, within))
     seed: Seed = "centroid" if middle is None else middle
-    return _with_surfaces(Body.from_mesh(points, triangles, name=mesh.name, seed=seed, unit=body.unit), surfaces)
+    made = _with_surfaces(Body.from_mesh(points, triangles, name=mesh.name, seed=seed, unit=body.unit), surfaces)
+    count = len(solids(points, [*map(tuple, triangles.tolist())]))
+    return made if count < 2 else replace(made, notes=(*made.notes, f"{count} separate solids{SEVERAL}"))
 
 
 def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> tuple[Array, list[Swept]]:

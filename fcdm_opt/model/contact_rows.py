@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,7 +27,7 @@ from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Parts, Task
 from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
-from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.arguments import is_real, motion_values
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
@@ -153,9 +153,7 @@ class ContactRows:
 
 
 @known_arguments
-def contact_rows(
-    problem: Problem | Assembly, at: Sequence[float] | Array | None = None, *, within: float | None = None
-) -> ContactRows:
+def contact_rows(problem: Problem | Assembly, at: Any = None, *, within: float | None = None) -> ContactRows:
     """Return the contacts, clearances and motion of a problem as CasADi functions.
 
     They are the equations that `solve` itself uses, smooth in the motion parameters, with named inputs and outputs, and
@@ -168,7 +166,7 @@ def contact_rows(
     problem : Problem or Assembly
         Of an assembly the rows of its contacts, and of all two parts that they stay apart, in the parameters of all
         motions: "part.parameter".
-    at : (k,) floats, optional
+    at : mapping of parameter name to number, or (k,) floats, optional
         Motion at which features and first planes are looked for; default no motion.
     within : float, optional
         Only parts that are no further apart than this there have rows, length units. By default all have, and of
@@ -178,7 +176,7 @@ def contact_rows(
     Raises
     ------
     InputError
-        Where the problem leaves open which two of several features it tracks, and for a wrong number of parameters.
+        Where the problem leaves open which two of several features it tracks, and for other parameters.
     """
     if isinstance(problem, Assembly):
         return _of_assembly(problem, at, within)
@@ -189,10 +187,7 @@ def contact_rows(
         found = "; ".join(" and ".join(pair) for pair in pairs)
         raise InputError("several features meet: name two", key="features", found=found)
     task = Task.of(problem)
-    q = task.rest if at is None else np.asarray(at, dtype=np.float64)
-    if q.shape != task.rest.shape:
-        names = ", ".join(task.motion.names)
-        raise InputError("wrong number of motion parameters", key="at", found=q.shape, allowed=names)
+    q = motion_values(task.motion.names, at, "at")
     exact = exact_where(problem, lambda _: (task.transform(q),), task.gap(q))
     if exact is not problem:
         problem, task = exact, Task.of(exact)
@@ -221,7 +216,7 @@ def contact_rows(
     )
 
 
-def _of_assembly(assembly: Assembly, at: Sequence[float] | Array | None, within: float | None) -> ContactRows:
+def _of_assembly(assembly: Assembly, at: Any, within: float | None) -> ContactRows:
     """Return the rows of every two parts, in the parameters of all motions."""
     questions = assembly.questions.items()
     each = {" - ".join(pair): contact_rows(problem, at, within=within) for pair, problem in questions}

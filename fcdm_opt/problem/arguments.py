@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
 
 LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
 
@@ -101,6 +102,18 @@ def by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
         if name not in names:
             raise InputError("no such parameter of the motion", key=f"{key}.{name}", found=name, allowed=allowed)
     return dict(values)
+
+
+def motion_values(names: Sequence[str], given: Any, key: str) -> Array:
+    """Return motion parameters, (k,), as given, by name or in order; 0 without any."""
+    if given is None or isinstance(given, Mapping):
+        named = by_parameter(given, key, tuple(names))
+        return np.array([real(named.get(name, 0.0), f"{key}.{name}", "a finite number") for name in names])
+    q = [real(value, key, "finite numbers") for value in items(given)]
+    if len(q) != len(names):
+        allowed = f"parameters {', '.join(names)}{', or a 4x4 transform' * (key == 'pose')}"
+        raise InputError("not one value for each motion parameter", key=key, found=given, allowed=allowed)
+    return np.array(q)
 
 
 def choice(value: Any, key: str, choices: tuple[str | None, ...]) -> None:

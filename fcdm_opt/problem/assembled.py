@@ -17,7 +17,7 @@ from fcdm_opt.plain import Plain, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.fit import verdict
-from fcdm_opt.problem.solution import UNMET, Bounded, Solution, Status, kept_clear, nearest_miss
+from fcdm_opt.problem.solution import UNMET, Bounded, Solution, Status, kept_clear, nearest_miss, quaternion_of
 from fcdm_opt.tolerances import DEFAULT
 
 IN_PLACE = "status"
@@ -209,6 +209,11 @@ class AssemblySolution(Bounded):
         """The motions in words, by part."""
         told, unit = self.assembly.motions, self.assembly.unit
         return {part: told[part].describe([*own.values()], unit=unit) for part, own in self.parameters.items()}
+
+    @property
+    def quaternions(self) -> dict[str, tuple[float, float, float, float]]:
+        """The rotation of each of `transforms` as a unit quaternion (x, y, z, w), in ROS' and SciPy's order."""
+        return {part: quaternion_of(pose) for part, pose in self.transforms.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data as `Solution.to_dict`; pairs of parts as "one - two", contacts with the names of theirs."""

@@ -475,7 +475,7 @@ class Assembly(Scene):
         """
         from fcdm_opt.problem.assembly_file import AssemblyFile
 
-        assemblies = checked(AssemblyFile, data).assemblies()
+        assemblies = checked(AssemblyFile, data).assemblies(Assembly)
         if len(assemblies) > 1:
             raise InputError("more than one case", key="case", found=len(assemblies), allowed="one")
         return assemblies[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import reduce
 from operator import rshift
 from pathlib import Path
@@ -16,7 +16,7 @@ from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembly import Assembly, JoinedEntry
 from fcdm_opt.problem.entries import AmountEntry, BodyEntry, KeepOutEntry, SizeEntry, StepEntry
 from fcdm_opt.problem.keep_out import KeepOut
-from fcdm_opt.problem.keys import Corner, Requirement, by_name, each, read_keep_outs, unlike_names
+from fcdm_opt.problem.keys import Corner, Made, Requirement, by_name, each, read_keep_outs, unlike_names
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
 from fcdm_opt.problem.syntax import parsed
@@ -132,20 +132,21 @@ class AssemblyFile(Entry, title="Assembly file"):
 
     def assemblies(
         self,
+        made_of: Callable[..., Made],
         file: Path | None = None,
         bodies: Mapping[str, Body] | None = None,
         keep_out: Sequence[KeepOut] | None = None,
         wanted: Container[str] = (),
         refused: list[tuple[str, InputError]] | None = None,
-    ) -> tuple[Assembly, ...]:
-        """Return the assembly of each case, or of those wanted; contents are of `file`, bodies may be built already.
+    ) -> tuple[Made, ...]:
+        """Return what `Assembly` makes of the arguments of each case, or those wanted; bodies may be built already.
 
         `refused` gets the name of a case that cannot be made, and why; without it, that ends all.
         """
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)
-            made = []
+            made = list[Made]()
             for k, case in enumerate(self.case, 1):
                 if wanted and case.name not in wanted:
                     continue
@@ -154,7 +155,7 @@ class AssemblyFile(Entry, title="Assembly file"):
                     names = [f"{part}.{name}" for part, motion in asked["motions"].items() for name in motion.names]
                     own["amount"] = OwnAmount.from_text(case.amount.casadi, names)
                 try:
-                    made.append(Assembly(**asked, **own))
+                    made.append(made_of(**asked, **own))
                 except InputError as reason:
                     head = (reason.key or "").replace("[", ".").split(".")[0]
                     place = f"case[{k}] {case.name!r}"
@@ -240,4 +241,4 @@ def load_assemblies(path: str | os.PathLike[str]) -> tuple[Assembly, ...]:
     InputError
         Names the file, the key, what was found and what is allowed; the first thing that is wrong.
     """
-    return AssemblyFile.read(path).assemblies(Path(path))
+    return AssemblyFile.read(path).assemblies(Assembly, Path(path))

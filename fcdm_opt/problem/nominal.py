@@ -311,9 +311,8 @@ class NominalContact:
             raise InputError(what, key="goal", found=found, allowed=allowed)
 
     def _read(self, label: str, known: Iterable[Feature]) -> Feature:
-        """Return the feature of a label, or of one with names of faces (`Feature.told`) that only one of these has."""
-        both = self.movable, self.static
-        meant = [own for own in known if label in (own.told(*both), own.told(*both, four_digits=True))]
+        """Return the feature of a label, or of a text that stands for only one of these, see `Feature.spellings`."""
+        meant = [own for own in known if label in own.spellings(self.movable, self.static)]
         return meant[0] if len(meant) == 1 else Feature.from_label(label)
 
     def named(self, labels: tuple[str, str] | None) -> tuple[Feature, Feature] | None:

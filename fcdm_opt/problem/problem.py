@@ -427,7 +427,10 @@ class Problem(NominalContact, Scene, NotebookRepr):
     # --------------------------------------------------------------------------------------------------- plain data
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the question as plain data: the keys of a problem file with one case, angles in radians."""
+        """Return the question as plain data: the keys of a problem file with one case, angles in radians.
+
+        A problem equals itself alone; of two these data tell whether they ask the same.
+        """
         asked, kinds = self.request, dict(self.motion.parameters)
         if self.restoring is not None:  # the goal that people asked for, and where parts are exact
             asked = {**self.restoring.request, "exact_at": asked["exact_at"]}

@@ -191,7 +191,9 @@ class Entry(BaseModel):
         except ValidationError as error:
             details = error.errors(include_url=False)
             told = next((detail for detail in details if detail["type"] == REFUSED), details[0])
-            inside, found = descend(value, told["loc"])
+            table = isinstance(value, Mapping) and told["type"] != REFUSED  # its key that is wrong, not that it is none
+            places = [descend(value, detail["loc"]) for detail in (details if table else [told])]
+            inside, found = max(places, key=lambda own: len(own[0]))
             if told["type"] == REFUSED:
                 context = told["ctx"]
                 if context["allowed"]:

@@ -282,6 +282,14 @@ class Sensitivity(ShortRepr, Plain):
         return super().from_dict({**unknown, **data})
 
 
+def quaternion_of(transform: Array) -> tuple[float, float, float, float]:
+    """Return the rotation of a transform, (4, 4), as a unit quaternion (x, y, z, w), w >= 0."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(transform[:3, :3]).as_quat(canonical=True).tolist()
+    return x, y, z, w
+
+
 class _WhenRead:
     """One of `ENDS`, which may be set to what works out both: that is done when one is read, as it takes solves."""
 
@@ -682,12 +690,7 @@ class Solution(Bounded):
     @property
     def quaternion(self) -> tuple[float, float, float, float] | None:
         """The rotation of `transform` as a unit quaternion (x, y, z, w), in ROS' and SciPy's order; None without."""
-        from scipy.spatial.transform import Rotation
-
-        if self.transform is None:
-            return None
-        x, y, z, w = Rotation.from_matrix(self.transform[:3, :3]).as_quat(canonical=True).tolist()
-        return x, y, z, w
+        return None if self.transform is None else quaternion_of(self.transform)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

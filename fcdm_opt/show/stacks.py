@@ -23,11 +23,11 @@ from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_fa
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.units import measured, signed
-from fcdm_opt.problem.problem import Problem
+from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import print_rows, print_text, wrapped
-from fcdm_opt.show.scene import ShownPair, draw_directions, draw_numbered
+from fcdm_opt.show.scene import COLOURS, ShownPair, draw_directions, draw_numbered
 from fcdm_opt.show.texts import numbers, shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -81,7 +81,7 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
 
 def print_faces(body: Body, role: str) -> None:
     """Print the faces of a body, as sizes name them; the facets of a cylinder, or of a torus, as one."""
-    print_text(f"{role}: body '{body.name}'")
+    print_text(f"{role}: body '{body.name}'" if body.name != role else f"body '{role}'")
     for told in told_solids((body,)):
         print_text(told)
     rows, round_places, whole = [], _round_places(body), body.full_body or body
@@ -241,7 +241,8 @@ def commented_out_sizes(path: Path) -> str:
     except (OSError, ValueError):
         return ""
     count = len(re.findall(r"^\s*#\s*\[\[size\]\]", text, re.MULTILINE))
-    return f"{count} are there, commented out; take the # away before the lines of those that count" if count else ""
+    words = ("1 is there", "its lines") if count == 1 else (f"{count} are there", "the lines of those that count")
+    return f"{words[0]}, commented out; take the # away before {words[1]}" if count else ""
 
 
 def _print_yield(stack: StackUp, share: GapYield) -> None:
@@ -392,25 +393,24 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
 
 
 @styled
-def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Figure:
-    """Draw both bodies as drawn, with a number at each face that can be seen: from two opposite sides, or from four.
+def faces_figure(problem: Scene, *, title: str = "", caption: str = "") -> Figure:
+    """Draw all bodies as drawn, with a number at each face that can be seen: from two opposite sides, or from four.
 
     Facets of one round face have one number, that of the first.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or Assembly
     title, caption : str
         Text above and below the picture.
     """
-    bodies: list[Body] = [problem.request[role] for role in ("movable", "static")]
-    sheet, hidden = _faces_sheet(bodies, [SIDES, SIDES], problem.unit, title=title, caption=caption)
+    sheet, hidden = _faces_sheet(problem, [SIDES] * len(problem.drawn), title=title, caption=caption)
     if any(hidden):
         each = [{**SIDES, **OTHER_SIDES} if unseen else SIDES for unseen in hidden]
-        sheet, hidden = _faces_sheet(bodies, each, problem.unit, title=title, caption=caption)
+        sheet, hidden = _faces_sheet(problem, each, title=title, caption=caption)
     lines = [
-        f"of {shortened(body.name, NAME)} {shortened(_ranges(unseen), LONGEST)}"
-        for body, unseen in zip(bodies, hidden, strict=True)
+        f"of {shortened(body.name or role, NAME)} {shortened(_ranges(unseen), LONGEST)}"
+        for (role, body), unseen in zip(problem.drawn.items(), hidden, strict=True)
         if unseen
     ]
     if lines:
@@ -419,25 +419,27 @@ def faces_figure(problem: Problem, *, title: str = "", caption: str = "") -> Fig
 
 
 def _faces_sheet(
-    bodies: Sequence[Body], sides: Sequence[Mapping[tuple[float, float], str]], unit: str, **texts: str
+    problem: Scene, sides: Sequence[Mapping[tuple[float, float], str]], **texts: str
 ) -> tuple[Sheet, list[list[int]]]:
     """Return a sheet with each body from its sides, two a line, and which numbers of each have no place on it."""
+    bodies, colours = [*problem.drawn.values()], {"movable": BLUE, "static": VERMILLION}
     wide, numbers, rows = PAGE / 2.0, [_numbers(body) for body in bodies], []
     for k, body in enumerate(bodies):
         shown = [(k, ShownPair((body, body), (), body.vertices, view), side) for view, side in sides[k].items()]
         rows += [shown[first : first + 2] for first in range(0, len(shown), 2)]
     heights = [float(np.clip(max(own.slenderness for _, own, _ in row) * wide, *HEIGHTS)) + HEAD for row in rows]
-    sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, **texts), [set[str](), set[str]()]
+    sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, **texts), [set[str]() for _ in bodies]
     low = FOOT + sum(heights)
     for row, high in zip(rows, heights, strict=True):
         low -= high
         for column, (k, own, side) in enumerate(row):
             area = (column * wide + SIDE, low, wide - SIDE, high - HEAD)
-            axes, numbered = draw_numbered(sheet, area, own, (BLUE, VERMILLION)[k], numbers[k])
+            role = [*problem.drawn][k]
+            name = ": ".join(dict.fromkeys((role, shortened(bodies[k].name, NAME))))
+            axes, numbered = draw_numbered(sheet, area, own, colours.get(role, COLOURS[k % len(COLOURS)]), numbers[k])
             seen[k] |= numbered
-            role = ("movable", "static")[k]
-            axes.set_title(literal(f"{role}: {shortened(bodies[k].name, NAME)}, {side}"), pad=2.0)
-            draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), unit)
+            axes.set_title(literal(f"{name}, {side}"), pad=2.0)
+            draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), problem.unit)
     each = zip(numbers, seen, strict=True)
     return sheet, [[int(own[1:]) for own in dict.fromkeys(of.values()) if own not in known] for of, known in each]
 

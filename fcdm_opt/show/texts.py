@@ -95,7 +95,8 @@ def shortened(text: str, longest: int) -> str:
 
 def asked_text(scene: Scene) -> str:
     """Return requirement and signs, or the sizes made, or the target; of an assembly the scales and sizes made."""
-    made = sizes_text(scene)
+    word = scene.request.get("made")
+    made = sizes_text(scene) or (f"{word}, which is as drawn" if isinstance(word, str) else "")
     if isinstance(scene, Assembly):
         scales = (f"{part} {signed(100.0 * (x - 1.0), 6)} %" for part, x in scene.scales.items() if x != 1.0)
         told = ", ".join(filter(None, [*scales, made]))

@@ -409,7 +409,7 @@ def test_random_contact_times_agree_with_sampling(unions, count):
 @pytest.mark.parametrize(
     ("direction", "key"),
     [
-        ({"TQ": 1.0}, "direction"),
+        ({"TQ": 1.0}, "direction.TQ"),
         ({}, "direction"),
         ([1.0, 2.0], "direction"),
         ("up", "direction"),

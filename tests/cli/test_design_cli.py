@@ -300,6 +300,24 @@ def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Pat
     assert run("stack", path, "--case", "lost", "--draws", "1000")[0] == 2
 
 
+def test_faces_of_an_assembly_were_not_listed(tmp_path: Path) -> None:
+    """Each part by its name, also where a size names a face that is not there; the base is a box 20 x 8 x 1."""
+    text = (PROBLEMS / "assemblies" / "loop_of_four.toml").read_text("utf-8")
+    wrong = '[[size]]\nname = "w"\nbody = "key"\nfaces = ["F99"]\ntolerance = 0.1\n\n[[case]]'
+    (path := tmp_path / "loop.toml").write_text(text, encoding="utf-8")
+    (refused := tmp_path / "refused.toml").write_text(text.replace("[[case]]", wrong, 1), encoding="utf-8")
+    for file in (path, refused):
+        code, told, said = run("faces", file, "--json")
+        (document,) = json.loads(told)["files"]
+        assert (code, "F99" in said) == (0, file is refused)
+        assert [(part, len(own)) for part, own in document["faces"].items()] == [
+            ("base", 6), ("left wedge", 6), ("right wedge", 6), ("key", 7),
+        ]  # fmt: skip
+        assert [own["area"] for own in document["faces"]["base"]] == pytest.approx([160, 160, 20, 20, 8, 8], rel=1e-12)
+    code, told, _ = run("faces", path, "--out", tmp_path)
+    assert (code, "body 'left wedge'\n" in told, (tmp_path / "loop-faces.png").exists()) == (0, True, True)
+
+
 @pytest.mark.slow
 def test_pictures_of_a_stack_up_that_the_judge_refused_did_not_say_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path

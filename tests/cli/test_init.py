@@ -20,9 +20,10 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt import load_problems, pacing, solve
 from fcdm_opt.cli import app
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
 from fcdm_opt.drafting.choice import TOLERANCE, named
-from fcdm_opt.drafting.draft import draft, point, widths
+from fcdm_opt.drafting.draft import draft, short, widths
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -493,44 +494,44 @@ def test_the_width_of_a_t_slot_was_not_offered_as_a_size() -> None:
     )
     sizes = widths(Body.from_mesh(trimesh.boolean.difference([block, *cuts])))
     assert {"+x and -x, 14 of room,", "+x and -x, 8 of room,", "-z and +z, 5 of room,"} <= {own[2] for own in sizes}
-    named = {what: (name, f"{what[1]} gap {' to '.join(faces)}") for faces, name, what, _ in sizes if "room" in what}
-    assert all(own == expected for own, expected in named.values())  # "static F3-F10" said nothing to an engineer
+    named = [(re.sub(" to |, ", " ", name), f"{what[1]} gap {' '.join(faces)}") for faces, name, what, _ in sizes]
+    assert sum(own == expected for own, expected in named) == 3  # "static F3-F10" said nothing to an engineer
 
 
-def test_more_than_two_meshes_are_told_where_assemblies_are_explained() -> None:
-    refused = run("init", "a.stl", "b.stl", "c.stl")
-    assert refused.exit_code == 2
-    assert "two parts; how a file of more parts is written: docs/assemblies.md" in " ".join(refused.output.split())
+def test_one_lip_of_a_t_slot_was_offered_as_a_size_and_the_other_stayed() -> None:
+    """Coplanar faces that look one way are made in one go: a size has all of them, and both lips grow with it."""
+    ends = ((-20, -15, 0), (20, 15, 16)), ((-7, -16, 5), (7, 16, 10)), ((-4, -16, 9), (4, 16, 17))
+    block, *cuts = (trimesh.creation.box(bounds=own) for own in ends)
+    slot = Body.from_mesh(trimesh.boolean.difference([block, *cuts]))
+    faces, name, _, each = next(own for own in widths(slot) if own[2] == "+z and -z, 6 of material,")
+    assert (len(faces), name.count(","), each) == (4, 2, 0.5)
+    size = fo.Size(name, body="static", faces=faces, each=each)
+    cube = fo.Box((1, 1, 1), centre=(0, 0, 40))
+    motion = fo.Translation("z")
+    made = fo.Problem(cube, slot, goal="touch", motion=motion, sizes=[size], made={name: 0.5}).static
+    # two lips, of 16 x 6 and 13 x 6 before, over a slot 14 wide, 5 high, in a block of 40 x 16: all 30 long
+    volume = np.linalg.det(made.face_triangles[0]).sum() / 6.0
+    assert volume == pytest.approx(30 * (40 * 16.25 - 14 * 4.75 - 8 * 6.5), rel=1e-12)
 
 
-def test_facets_were_warned_of_where_none_of_them_touches(tmp_path: Path) -> None:
-    """A cube on a disc: seated on plane faces. Beside it the disc's rim is met, which is taken for round."""
-    disc = tmp_path / "disc.off"
-    trimesh.creation.cylinder(radius=10.0, height=4.0, sections=24).export(disc)
-    on = box(tmp_path / "on.off", (4.0, 4.0, 4.0), (0.0, 0.0, 4.0))
-    beside = box(tmp_path / "beside.off", (4.0, 4.0, 4.0), (12.5, 0.0, 0.0))
-    for movable in (on, beside):
-        made = draft(movable, disc, file=tmp_path / "p.toml")
-        assert "\nround = true  # cylinder radius 10: " in made.text
-        assert "gaps of the true parts may be" not in made.text + "\n".join(made.summary)
+def test_a_pin_with_play_in_its_bore_was_to_touch_anywhere(tmp_path: Path) -> None:
+    """Between walls the parts made are to go together; a pin before its bore, or beside it, is to meet it."""
+    for z, goal in ((0.0, "clear"), (30.0, "touch")):
+        pin, block = box(tmp_path / "pin.off", (9.0, 9.0, 30.0), (0.0, 0.0, z)), tmp_path / "block.off"
+        hole = trimesh.creation.box(bounds=((-5, -5, -11), (5, 5, 11)))
+        trimesh.boolean.difference([trimesh.creation.box((20.0, 20.0, 20.0)), hole]).export(block)
+        if z:
+            box(block, (20.0, 20.0, 20.0), (0.0, 0.0, 0.0))
+        text, path = drafted(pin, block, tmp_path)
+        assert f'\ngoal = "{goal}"' in text
+        assert {own.requirement for own in load_problems(path) if solve(own).usable} == set(SIGNS)
 
 
-def test_an_octagon_was_taken_for_a_cylinder_and_its_flats_were_offered_as_no_sizes(tmp_path: Path) -> None:
-    """One limit for names and for errors of facets: from twelve a turn on they stand for a circle."""
-    plate = box(tmp_path / "plate.off", (40.0, 40.0, 4.0), (0.0, 0.0, -4.0))
-    for sections, rounded in ((8, False), (11, False), (12, True)):
-        bar = tmp_path / "bar.off"
-        trimesh.creation.cylinder(radius=8.0, height=4.0, sections=sections).export(bar)
-        text = draft(bar, plate, file=tmp_path / "p.toml").text
-        assert ("cylinder radius 8" in text) == ("\nround = true" in text) == rounded  # how they are taken was not said
-        assert ("along (0.924, 0.383, 0)" in text) == (sections == 8)
-
-
-def test_a_pin_in_its_bore_was_to_move_along_the_normal_of_a_facet() -> None:
-    """Across a bore along x, whichever facets meet first, and along the axis of a cone, however slender."""
-    box = fo.Box((40, 40, 20), centre=(0, 0, 10))
-    pin, hole = (fo.Cylinder(10.0, h, base=(0, 0, -h / 4), facets=12) for h in (30.0, 40.0))
-    plug, socket = (fo.Cone(10.0 - d, 10.4 + d, 20.0 + 100 * d, base=(0, 0, -50 * d), facets=12) for d in (0.0, 0.1))
-    for movable, room, axis in ((pin, hole, [1, 0, 0]), (plug, socket, [0, 0, 1])):
-        assert np.abs(Situation(movable, fo.cut(box, room)).normal) == pytest.approx(axis, abs=1e-9)
-    assert point(np.array([4.8e-10, -0.0, 3.5]), size=40.0) == "[0.0, 0.0, 3.5]"  # rounding was written as a seed
+def test_labels_in_comments_were_cut_in_their_middle() -> None:
+    bodies, label = (fo.Box((1, 1, 1)), fo.Box((2, 2, 2))), "E1F2(P1V{},V{}; P2V6,V7,V11,V13)"
+    features = [Feature.from_label(label.format(k, k + 1)) for k in range(1, 7)]
+    names = list(map(str, features))
+    assert short(features[:2], bodies) == " and ".join(names[:2])
+    assert short(features, bodies) == " and ".join([*names[:2], "4 more"])  # 2 are 63 signs, 3 are 97
+    long = Feature.from_label(f"F1F2(P1{','.join(f'V{k}' for k in range(1, 40))}; P2V1,V2,V3,V4)")
+    assert short([long, *features], bodies) == f"{long} and 6 more"

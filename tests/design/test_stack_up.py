@@ -80,7 +80,8 @@ def test_of_two_faces_in_one_plane_the_one_across_the_slot_was_named() -> None:
     outline = [(-9, -9), (9, -9), (9, 0), (4.1, 0), (4.1, -7.5), (-4.1, -7.5), (-4.1, 0), (-9, 0)]
     width = fo.Size("width", "movable", faces=[{"through": (x, 0, -3)} for x in (-4, 4)], each=0.5, tolerance=0.05)
     problem = fo.Problem(key, prism(outline, 8.0, "base"), sizes=[width], motion=fo.Translation("x"), goal="clear")
-    right, left = "face 5 of key, top face no. 1 of base", "face 9 of key, top face no. 2 of base"
+    both = ((5, 1), (9, 2))
+    right, left = (f"face {own} (facing -z) of key, top face no. {other} of base" for own, other in both)
     best = fo.best_pose(problem)
     assert {*fo.stack_up(problem).standing} == {*best.standing} == {right, left}
     assert "; verified; closed at all these sizes" in str(best)  # it was judged, and print did not say so
@@ -424,6 +425,8 @@ def test_a_stack_without_sizes_says_what_to_write(tmp_path: Path) -> None:
     text = (PROBLEMS / "boxes.toml").read_text(encoding="utf-8")
     path.write_text(f'{text}\n#[[size]]\n#name = "a"\n# [[size]]  # as init leaves it\n', encoding="utf-8")
     assert "2 are there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
+    path.write_text(path.read_text("utf-8").replace("#[[size]]", "", 1), encoding="utf-8")
+    assert "1 is there, commented out" in CliRunner().invoke(app, ["stack", str(path)]).stderr
 
 
 # ----------------------------------------------------------------------------------------------- who contributes what

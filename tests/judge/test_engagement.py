@@ -402,7 +402,9 @@ def test_contacts_were_blamed_together_where_each_alone_cannot_be_closed() -> No
     contacts = [f"F1F2(P1V2,V4,V6,V8; P2{face})" for face in ("V9,V10,V17,V19", "V25,V26,V27,V29")]
     asked = nut_in_rail(goal="seat", contacts=contacts, path="free")
     found = fo.conflicts(asked, deviation=False)
-    names = ("contact 1, face 2 of nut, face 8 of slot", "contact 2, face 2 of nut, face 12 of slot")
+    names = [
+        f"contact {k}, face 2 (facing +z) of nut, face {face} (facing -z) of slot" for k, face in ((1, 8), (2, 12))
+    ]
     assert [(clash.names, clash.proved) for clash in found.clashes] == [((name,), True) for name in names]
     assert found.complete
     assert str(found).startswith(verdict(asked))

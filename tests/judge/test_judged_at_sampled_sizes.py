@@ -106,7 +106,7 @@ def test_the_floor_that_a_key_lies_on_hid_the_play_beside_it():
     gaps, best = fo.clearances(problem, count=100), fo.best_pose(problem)
     assert gaps.range == pytest.approx((0.07, 0.12))
     assert best.worst_gap == pytest.approx(0.02)
-    assert gaps.standing == best.standing == stack().standing == ("bottom face of key, face 2 of slot",)
+    assert gaps.standing == best.standing == stack().standing == ("bottom face of key, face 2 (facing +z) of slot",)
     assert "closed at all these sizes, and not counted: bottom face" in str(gaps)
     assert "not counted" in str(best)
     assert fo.verify(best).passed

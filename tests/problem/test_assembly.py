@@ -857,6 +857,17 @@ def test_the_bound_of_an_assembly_is_proved_anew(certified) -> None:
             assert fo.verify(claimed).passed
 
 
+def test_an_assembly_had_no_quaternions() -> None:
+    """An arm that turns by a about z has (0, 0, sin a/2, cos a/2): cos, as its sign is that of w >= 0."""
+    arm, wall = fo.Box((4, 4, 10), name="arm"), fo.Box((2, 20, 20), centre=(3.5, 0, 0), name="wall")
+    contacts = [{"parts": ("arm", "wall"), "goal": "touch"}]
+    solution = fo.solve(fo.Assembly([arm, wall], contacts, motions={"arm": fo.Rotation("z")}))
+    half = solution.parameters["arm"]["RZ"] / 2.0
+    assert half
+    assert solution.quaternions["arm"] == pytest.approx((0.0, 0.0, np.sin(half), np.cos(half)), abs=1e-12)
+    assert solution.quaternions["wall"] == (0.0, 0.0, 0.0, 1.0)
+
+
 @pytest.mark.slow
 def test_a_solution_of_an_assembly_is_read_again_as_it_was_told(certified) -> None:
     told = json.loads(json.dumps(certified.to_dict()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -380,10 +381,32 @@ def test_a_face_of_a_size_that_is_not_there_was_placed_in_a_case_and_far_ones_li
     with pytest.raises(InputError) as caught:
         load(tmp_path, size + BODIES + CASE)
     assert caught.value.key == "size 'top'.faces[1]"
-    assert "case.toml:1: size 'top'.faces[1]: no face of body" in str(caught.value)
+    assert "case.toml:4: size 'top'.faces[1]: no face of body" in str(caught.value)
     with pytest.raises(InputError) as caught:
         Size("width", "movable", faces=[{"through": (5.4, 0, 0)}]).offsets(Box((10, 10, 10)))
     assert "(+x, x = 5), " in (caught.value.allowed or "").split("F")[1]
+
+
+def test_the_line_of_a_table_was_told_for_a_key_of_its_own_and_all_sizes_made_for_one(tmp_path: Path) -> None:
+    """What is wrong stands in the line that ends so; a size is known by its name, its number, or both."""
+    size = '[[size]]\nname = "top"\nbody = "movable"\nfaces = ["-x"]\neach = 1.0\ntolerance = 0.1\n'
+    other = size.replace("top", "side")
+    for wrong, key in (
+        ("each = [1.0, 2.0]", "size[2].size 'side'.each"),
+        ("tolerance = [0.1, -0.1]", "size[2].size 'side'.tolerance"),
+        ('faces = ["F99"]', "size 'side'.faces[1]"),
+        ('made = { top = 0.1, side = "abc" }', "case[1] 'A'.made.side"),
+    ):
+        name = wrong.partition(" ")[0]
+        made = re.sub(rf"^{name} = .*", f"{wrong}  # WRONG", other, flags=re.MULTILINE)
+        text = BODIES + size + made + '[[case]]\nname = "A"\n' + (f"{wrong}  # WRONG\n" if name == "made" else "")
+        text += 'goal = "touch"\nmotion = [{ translation = "x" }]\n'
+        (line,) = (k for k, own in enumerate(text.splitlines(), 1) if own.endswith("# WRONG"))
+        with pytest.raises(InputError) as caught:
+            load(tmp_path, text)
+        assert caught.value.key == key
+        assert f"case.toml:{line}: {key}: " in str(caught.value)
+    assert caught.value.found == "abc"
 
 
 def test_a_key_of_fifty_thousand_levels_is_refused_at_once(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import fcdm_opt as fo
@@ -239,3 +240,13 @@ def test_a_mesh_file_that_is_not_there_is_told_with_where_it_was_looked_for(tmp_
         load_problems(path)
     missing = f"{tmp_path / 'pag.stl'}: no such file in {tmp_path}, did you mean 'peg.stl'?"
     assert str(caught.value) == f"{path}:3: bodies.movable.file: the body cannot be taken from its file: {missing}"
+
+
+def test_numbers_of_arrays_were_told_by_their_type() -> None:
+    for found, told in (
+        (np.float64(0.0), "0.0"),
+        ([np.float64(-1.5e-9), np.int64(2)], "[-1.5e-09, 2]"),
+        ({"a": np.float32(0.5)}, "{'a': 0.5}"),
+        ("np.float64(1.0)", "'np.float64(1.0)'"),
+    ):
+        assert str(InputError("wrong", found=found)) == f"wrong; found {told}"

@@ -124,7 +124,8 @@ def test_cases_are_a_frame_and_a_card() -> None:
     frame = answers.to_frame()
     assert list(frame["case"]) == list(answers) == ["A", "B"]
     assert frame["amount"].tolist() == [solution.amount for solution in answers.values()]
-    assert list(frame.columns) == list(answers.rows()[0])
+    assert list(frame.columns) == ["case", "status", "usable", "amount", "lower_bound", "TX"]  # 22 of a free motion
+    assert list(answers.to_frame(full=True).columns) == list(answers.rows()[0])
     card = answers._repr_html_()
     assert all(f">{name}</td>" in card for name in answers)
     assert "2 cases" in card

@@ -138,6 +138,16 @@ def test_shifts_in_a_row_are_told_together() -> None:
     assert f"move one {told.format('turn it ', 'move it ')}" in verdict_text(moved)
 
 
+def test_parts_made_at_their_worst_were_told_to_be_as_drawn() -> None:
+    """Of a block that may only be lower, the worst for a gap below it is the one drawn."""
+    block, table = fo.Box((1, 1, 1), centre=(0, 0, 0.5)), fo.Box((4, 4, 1), centre=(0, 0, -0.5))
+    height = fo.Size("height", "movable", faces=["+z", "-z"], each=0.5, tolerance=(-0.1, 0.0))
+    rows = ("worst", "made worst, which is as drawn"), ("loosest", "made height -0.1"), ({}, "made as drawn")
+    for made, told in rows:
+        problem = fo.Problem(block, table, sizes=[height], made=made, goal="touch", motion=fo.Translation("z"))
+        assert f"{told}, goal touch" in str(fo.solve(problem))
+
+
 def test_what_only_rounding_made_is_shown_as_0() -> None:
     one, two = cube("one", 2.0), cube("two", 4.0, (3.5, 0.0, 0.0))
     problem = fo.Problem(one, two, target=(1.0, 1.0), goal="touch", motion=fo.Free(), unit="mm")

@@ -55,8 +55,8 @@ def test_a_row_of_a_cut_part_names_the_faces_that_meet():
         names = [row.name.split(", ") for row in rows.contacts]
         assert len(names) == 2
         for one, two in names:
-            assert re.fullmatch(r"face \d of roof", one)
-            assert re.fullmatch(r"face \d of block", two)
+            assert re.fullmatch(r"face \d \(facing [+-]x and -y\) of roof", one)
+            assert re.fullmatch(r"face \d \(facing [+-]x and \+y\) of block", two)
 
 
 def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart_had_no_clearance():
@@ -95,6 +95,20 @@ def test_rows_of_round_parts_that_are_apart_were_those_of_their_facets(kind: str
         assert min(float(row(q=rows.at)["gap"]) for row in rows.contacts) == pytest.approx(0.1, abs=1e-9)
         lifted = -0.03 * turn[:, 0 if kind == "bar" else 2]
         assert min(float(row(q=lifted)["gap"]) for row in rows.contacts) == pytest.approx(0.13, abs=1e-9)
+
+
+def test_a_motion_given_by_names_of_parameters_was_a_bare_type_error():
+    """The tip is at 0, the table's top too: lifted by .1 it is .1 above, whatever the shift along x."""
+    named, given = (fo.contact_rows(asked(target=(1.0, 1.0), motion=SHIFT), at=at) for at in ({"TZ": 0.1}, [0, 0, 0.1]))
+    assert named.at.tolist() == given.at.tolist() == [0.0, 0.0, 0.1]
+    assert str(named) == str(given)
+    for wrong, told in (
+        ({"TQ": 0.1}, "at.TQ: no such parameter"),
+        ({"TX": "a"}, "at.TX"),
+        ([1.0], "at: not one value"),
+    ):
+        with pytest.raises(fo.InputError, match=told):
+            fo.contact_rows(asked(motion=SHIFT), at=wrong)
 
 
 def test_rows_of_one_kind_share_their_function():
@@ -214,7 +228,7 @@ def test_printed_rows_were_thousands_of_letters():
 def test_several_features_are_to_be_named():
     with pytest.raises(fo.InputError, match="expected a Problem"):
         fo.contact_rows(PROBE)
-    with pytest.raises(fo.InputError, match="wrong number"):
+    with pytest.raises(fo.InputError, match="not one value for each motion parameter"):
         fo.contact_rows(asked(), at=[0.0])
     rows = fo.contact_rows(asked())
     with pytest.raises(fo.InputError, match="no such input"):

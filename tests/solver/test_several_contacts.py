@@ -442,6 +442,23 @@ def test_prism_in_a_v_block() -> None:
         assert list(solution.parameters.values()) == pytest.approx([0.0, 0.0, apex + depth * one], abs=1e-12)
 
 
+def test_a_contact_by_the_number_of_its_face_was_refused() -> None:
+    """Tables name "face 7 (facing +x) of tray"; labels had numbers of faces with many corners alone."""
+    tray = fo.cut(fo.Box((60, 40, 12), centre=(0, 0, 6)), fo.Box((56, 36, 12), centre=(0, 0, 8)), name="tray")
+    tile = fo.Box((56, 20, 4), centre=(0, 0, 4), name="tile")
+    asked = {"goal": "seat", "motion": SHIFTS, "target": (1.0, 1.0)}
+    for one in fo.Problem(tile, tray, contacts="all", **asked).contacts or ():
+        number = tray.face_rows[tuple(sorted(one.two.vertices))] + 1
+        label = f"F1F2(P1{','.join(f'V{v}' for v in one.one.vertices)}; P2 face {number})"
+        (facing,) = re.findall(r" \(facing (.*)\) of tray", words := one.in_words(tile, tray))
+        level = {"+z": 2, "+x": -28, "-x": 28}[facing]  # floor and walls, from their sizes
+        assert {tray.vertices[v - 1]["xyz".index(facing[1])] for v in one.two.vertices} == {level}
+        for spelled in (label, one.told(tile, tray), words, str(one)):
+            assert fo.Problem(tile, tray, contacts=[spelled], **asked).contacts == (one,)
+    with pytest.raises(InputError, match=r"contacts\[1\]: not a feature label"):
+        fo.Problem(tile, tray, contacts=[label.replace(f"face {number}", "face 99")], **asked)
+
+
 def test_contacts_with_two_solids_in_one_body() -> None:
     part = fo.Body.convex(block((0, 0, 0), (4, 2, 2)), seed=(1, 1, 1))
     stops = fo.Body.from_parts([block((-1, 0, 0), (0, 2, 2)), block((1, -1, 0), (3, 0, 2))], seed=(0, 0, 0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,14 +24,14 @@ from fcdm_opt.design.sizes import (
 )
 from fcdm_opt.design.stack.spread import draws
 from fcdm_opt.design.stack.stack_up import StackUp
-from fcdm_opt.errors import InputError, expected, known_arguments
+from fcdm_opt.errors import expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
-from fcdm_opt.problem import arguments
+from fcdm_opt.problem.arguments import motion_values
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -265,8 +265,8 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     asked, names = all_sizes(problem, sizes, box)
     scene = ContactGaps(problem, asked, names, own=by_name(problem, sizes, box))
     transform = transform_of(problem, pose) if isinstance(problem, Problem) else None
-    coordinates = [own.name for own in problem.coordinates]
-    poses = [transform] if transform is not None else scene.transforms(_parameters(coordinates, pose))
+    coordinates = () if transform is not None else [own.name for own in problem.coordinates]
+    poses = [transform] if transform is not None else scene.transforms(motion_values(coordinates, pose, "pose"))
     at, (pairs, source) = scene.rows(poses), drawn(asked.box)
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
@@ -337,17 +337,5 @@ def transform_of(problem: Problem, pose: Any) -> Array:
         return rigid_transform(None)
     if np.ndim(pose) == 2:
         return rigid_transform(pose, key="pose")
-    q = _parameters(problem.motion.names, pose)
+    q = motion_values(problem.motion.names, pose, "pose")
     return problem.motion.transform(q, problem.movable.seed, problem.static.seed)
-
-
-def _parameters(names: Sequence[str], pose: Any) -> Array:
-    """Return motion parameters as given, by name or in order; 0 without any."""
-    if pose is None or isinstance(pose, Mapping):
-        given = arguments.by_parameter(pose or {}, "pose", tuple(names))
-        return np.array([arguments.real(given.get(name, 0.0), f"pose.{name}", "a finite number") for name in names])
-    q = [arguments.real(value, "pose", "finite numbers") for value in arguments.items(pose)]
-    if len(q) != len(names):
-        allowed = f"parameters {', '.join(names)}, or a 4x4 transform"
-        raise InputError("not one value for each motion parameter", key="pose", found=pose, allowed=allowed)
-    return np.array(q)
