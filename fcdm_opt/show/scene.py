@@ -66,8 +66,8 @@ world shorter than this on the page gets no name."""
 AZIMUTHS = tuple(float(quarter + off) for quarter in (-180, -90, 0, 90) for off in (20, 35, 55, 70))
 """Degrees that a scene may be seen from: along no axis, and not halfway between two, where edges of boxes meet."""
 
-FROM_BEHIND = 1.2
-"""What a view from behind costs: more than half of the contact that it shows and one from the front hides."""
+FROM_BEHIND = 0.9
+"""What a view from behind costs: almost half of the contact that it shows and one from the front hides."""
 
 MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, that tell what is hidden
 VEIL, EDGE_ON = 0.3, 0.01

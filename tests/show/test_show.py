@@ -20,6 +20,7 @@ from matplotlib.text import Text
 from ordinary import problems, solved
 from picture_checks import check_texts, shown
 from PIL import Image
+from solids import box as cuboid
 
 import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
@@ -441,6 +442,17 @@ def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
     page = page_directions(*view)
     assert np.cross(page[:, 0], page[:, 1])[0] > 0.0
     assert "in contact" in texts(draw("scene", 2, "A"))
+
+
+def test_a_key_behind_its_shaft_was_not_to_be_seen() -> None:
+    """It stands out of a pocket in the back and touches a wall: nothing of that is seen from the front."""
+    key = Body.convex(cuboid((-4, 11.1, -12.4), (4, 18, 12.4)))
+    walls = [((-15, -9, -12.5), (-4.1, 15, 12.5)), ((4, -9, -12.5), (15, 15, 12.5)), ((-4.1, -9, -12.5), (4, 11, 12.5))]
+    ends = [((-15, -9, -30), (15, 15, -12.5)), ((-15, -9, 12.5), (15, 15, 30))]
+    shaft = Body.from_parts([cuboid(*own) for own in (*walls, *ends)])
+    view = view_of(decision_curve(key, shaft), (1.0, 1.0), ((1.0, 0.0, 0.0),))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[1] > 0.0
 
 
 @pytest.mark.parametrize("view", [(18.0, -70.0), (32.0, -20.0), (18.0, 110.0), (50.0, -55.0)])
