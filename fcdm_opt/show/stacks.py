@@ -220,11 +220,12 @@ def contributions_of(stack: StackUp) -> list[SizeShare]:
 
 
 def stack_notes(stack: StackUp) -> list[str]:
-    """Return what a stack-up leaves out, a sentence each: contacts always closed, sizes at which a face vanishes."""
+    """Return what a stack-up leaves out, a sentence each: contacts always closed, keep-outs, sizes without a face."""
     factor, face, where = stack.touching.vanishing
     end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
     beyond = f"{end}: parts made beyond are refused, rows go on without it"
-    return [*not_counted(stack.standing), *([beyond] if factor < 1.0 else [])]
+    kept = f"it is the gap of the two bodies: keep-outs ({', '.join(stack.keep_out)}) have no part in it"
+    return [*not_counted(stack.standing), *[kept] * bool(stack.keep_out), *[beyond] * (factor < 1.0)]
 
 
 def commented_out_sizes(path: Path) -> str:

@@ -324,6 +324,7 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
     opened.drawn("0 corrected")
+    assert "contact point" in opened.page.inner_text("#viewer .key")  # black circles were not explained
     solids = opened.page.evaluate(
         "document.getElementById('bodies').data.filter(t => t.type === 'mesh3d' && t.name !== 'contact area')"
         ".map(t => ({ x: [...t.x], y: [...t.y], z: [...t.z] }))"
@@ -540,10 +541,15 @@ def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
     made = result(["A", HOSTILE])
     made.answers.clear()
     made.answers.update({key: row(key, "INFEASIBLE", "Proved impossible") for key, _ in made.points})
+    made.answers[made.points[0][0]] = row(made.points[0][0], "ERROR", "KeyError: 'rim'")
     path = tmp_path / "study.html"
     path.write_text(study_page(made), encoding="utf-8")
     opened = Opened(browser, path.as_uri())
     try:
+        symbols = opened.page.evaluate("document.getElementById('chart').data.flatMap(t => [t.marker.symbol].flat())")
+        assert symbols.count("cross-thin-open") == 1  # it failed: of no other point a motion is known not to be there
+        assert "no usable motion" in opened.text("key")
+        assert "without an answer" in opened.text("key")
         opened.page.select_option("#x-axis", "case")
         opened.drawn("case|amount|case|0")
         opened.slide(5)

@@ -268,7 +268,9 @@ def test_the_least_family_has_its_ends_and_the_case_as_asked_and_says_so():
         assert len(family["values"]) == LEAST
         assert family["values"] == sorted(family["values"])
         assert {values[0], 1.0, values[-1]} <= set(family["values"])
-        assert f"{LEAST} of {len(values)} values" in family["note"]
+        assert f"{LEAST} of {len(values)} values: more take long, of meshes with many corners" in family["note"]
+    late = of_problem(opened("example1", "A").problems[0], frames=-1.0)["families"]["motion"]
+    assert late["note"] == f"1 of {len(SHARES)} values: the time given is nearly over"
 
 
 def test_shares_beyond_the_limits_are_marked():
@@ -618,6 +620,11 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     (told,) = stack_report(asked)["notes"]
     assert told == stack_notes(fo.stack_up(asked))[0]
     assert "closed at all these sizes, and not counted" in told
+    post = fo.KeepOut(fo.Body.convex([*product((-6, -5), (-4, 4), (0, 4))], name="post"))
+    kept = stack_report(asked.changed(keep_out=[post]))  # it had none: the gap of the two is what it is without
+    assert kept == stack_report(asked) | {"notes": [told, kept["notes"][1]]}
+    assert kept["worst"][0]["gap"] == pytest.approx(0.1 - 0.03, abs=1e-14)
+    assert "keep-outs (post) have no part in it" in kept["notes"][1]
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     (told,) = stack_report(fo.Problem(tilted, floor, sizes=[turned], motion=fo.Translation("x")))["notes"]

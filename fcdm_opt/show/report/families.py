@@ -152,7 +152,10 @@ def _family(
         else:
             frames[value] = made
     found = sorted(frames)
-    fewer = [f"{count} of {len(values)} values: the parts are large, or the cases many"] if count < len(values) else []
+    why = (
+        "the time given is nearly over" if share < 0.0 else "more take long, of meshes with many corners or many cases"
+    )
+    fewer = [f"{count} of {len(values)} values: {why}"] if count < len(values) else []
     late = [f"from {shown(end)} on left out: the search for an answer there is too long"] if end < np.inf else []
     return {
         **names,
