@@ -268,7 +268,7 @@ def test_the_least_family_has_its_ends_and_the_case_as_asked_and_says_so():
         assert len(family["values"]) == LEAST
         assert family["values"] == sorted(family["values"])
         assert {values[0], 1.0, values[-1]} <= set(family["values"])
-        assert f"{LEAST} of {len(values)} values: more take long, of meshes with many corners" in family["note"]
+        assert f"{LEAST} of {len(values)} values: more take long, of many corners" in family["note"]
     late = of_problem(opened("example1", "A").problems[0], frames=-1.0)["families"]["motion"]
     assert late["note"] == f"1 of {len(SHARES)} values: the time given is nearly over"
 

@@ -153,7 +153,7 @@ def _family(
             frames[value] = made
     found = sorted(frames)
     why = (
-        "the time given is nearly over" if share < 0.0 else "more take long, of meshes with many corners or many cases"
+        "the time given is nearly over" if share < 0.0 else "more take long, of many corners or many cases"
     )
     fewer = [f"{count} of {len(values)} values: {why}"] if count < len(values) else []
     late = [f"from {shown(end)} on left out: the search for an answer there is too long"] if end < np.inf else []
