@@ -343,6 +343,10 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     places = shown - shown[0, 2] / nearer[2] * nearer
     assert (np.abs(places[:2, 2]) < 1e-5).all()  # both wedges stand on the base, z = 0
     assert places[2, 2] == pytest.approx(-(places[2, 0] - shift) - 1.0, abs=1e-5)  # on the left one's slope
+    opened.page.click("[data-look=cut]")
+    opened.until("document.getElementById('bodies').data.some(t => t.name === 'contact, cut')", True)
+    rings, ranges = points(opened.trace("bodies", "contact")), [opened.camera()[f"{k}axis"]["range"] for k in "xyz"]
+    assert ((rings - np.mean(ranges, axis=1)) / np.ptp(ranges, axis=1) < 0.5).all()  # beyond they are not drawn
     opened.page.check("input[name=pose][value=rescaled]", force=True)
     opened.drawn("0 rescaled")
     assert opened.trace("bodies", "before the motion") is None

@@ -18,7 +18,7 @@ from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, answered
-from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
+from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.sizes import stack_report
 from fcdm_opt.show.stacks import stack_notes
@@ -159,7 +159,7 @@ def test_a_search_for_a_frame_without_end_is_given_up_after_so_many_looks(monkey
     (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
     family = case["families"]["tolerance"]
     assert family["values"] == [0.0, 1.0]
-    assert family["note"].startswith("from +4 %, +8 % on left out")
+    assert family["note"].startswith("+4 %, +8 % and more left out")
 
 
 def test_a_search_for_a_frame_went_on_without_end_while_the_report_was_drawn(monkeypatch):
@@ -173,6 +173,19 @@ def test_a_search_for_a_frame_went_on_without_end_while_the_report_was_drawn(mon
     monkeypatch.setattr("fcdm_opt.show.report.families.solve", endless)
     (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
     assert case["families"]["tolerance"]["values"] == [1.0]
+
+
+def test_a_search_without_end_at_no_tolerance_left_out_all_larger_ones():
+    """What takes long there says nothing of the other side of what is asked."""
+
+    def frame(value):
+        if value < 0.5:
+            raise pacing.TimeOverError
+        return {"value": value}
+
+    found = _family(frame, FACTORS, 1.0, "{:g}".format, "")
+    assert found["values"] == [value for value in FACTORS if value >= 0.5]
+    assert found["note"] == "0.4 and less left out: the search for an answer there is too long"
 
 
 def test_tolerance_family_of_boxes_is_the_closed_form():

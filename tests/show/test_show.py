@@ -469,6 +469,24 @@ def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], 
         np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
 
 
+def test_facets_of_one_face_had_an_inset_each() -> None:
+    """Both were named contact 1: of faces that are apart each has its own."""
+    one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
+    facets = [Touching((np.eye(3)[k][None],), np.eye(3)[k], number=1) for k in range(2)]
+    for numbers, count in (((1, 1), 1), ((1, 2), 2)):
+        contacts = [own._replace(number=number) for own, number in zip(facets, numbers, strict=True)]
+        assert len(scene_pieces(ShownPair.of(one, two, view=(32.0, -55.0)), contacts=contacts).insets) == count
+
+
+@pytest.mark.parametrize("turn", [5.0, 41.0, 80.0, 131.0])
+def test_an_inset_of_a_round_wall_leaned(turn: float) -> None:
+    """A section along a shaft that goes down its bore: the wall stood askew, but along axes of the world."""
+    normal = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0.0])
+    facing, plane = section_plane(normal, np.array([0.0, 0.0, -1.0]), page_directions(18.0, -70.0))
+    np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_parts_were_seen_from_behind(axis: int) -> None:
     """A contact that is seen as well from the front is seen from there, x to the right."""

@@ -54,8 +54,10 @@ function drawScene() {
     ...overlapTraces(frame, colours),
     ...triad(colours),
   ];
-  const nearer = plane ? 0.5 : 0.08; // before a section nothing is left that should hide them
-  const known = frame.contacts ?? [], seen = plane ? known.filter(p => dot(plane.facing, p) <= plane.level) : known;
+  const nearer = plane ? 0.18 : 0.08; // before a section nothing is left that should hide them
+  const known = (frame.contacts ?? []).map((at, k) => ({ at, name: frame.contact ? toldOf(frame.contact[k]) : k }));
+  const left = known.filter(({ at }) => !plane || dot(plane.facing, at) <= plane.level), names = left.map(({ name }) => name);
+  const seen = left.filter(({ name }, k) => names.indexOf(name) === k).map(({ at }) => at); // of facets of one face the first
   const view = freshView || !gd.layout?.scene ? firstView() : currentView();
   freshView = false;
   if (seen.length) {
@@ -261,6 +263,7 @@ function featuresOf(frame) {
   return (frame.transform && currentCase().poses.tracked?.contact) || [];
 }
 
+const toldOf = k => currentCase().feature_shapes[k].shapes.map(shape => shape.name).join(", ");
 const shapesOf = frame => featuresOf(frame).flatMap(k => currentCase().feature_shapes[k].shapes);
 
 /** Edges of only one of some triangles: the outline of what they make up. */
