@@ -211,7 +211,9 @@ def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
     """Return the contacts that get an inset, one of those that look alike or are facets of one face."""
     insets: list[Touching] = []
     for contact in contacts:
-        if all(abs(float(contact.normal @ own.normal)) < ALIKE and contact.number != own.number for own in insets):
+        if all(
+            abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in insets
+        ):
             insets.append(contact)
     return insets[:MOST_INSETS]
 

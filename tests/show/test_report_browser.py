@@ -502,6 +502,21 @@ def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
     assert not wide.page.is_visible("text=Relative tolerances and their reasons")
 
 
+def test_a_long_key_stood_on_the_headline_on_paper(browser, tmp_path):
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    file = ProblemFile.read(path := PROBLEMS / "nut.toml")
+    asked = tuple(own for own in file.problems(Problem, path) if own.name == "turned until it holds")
+    (tmp_path / "report.html").write_text(page(gather([Read(path, "", "", asked)], certify=False, frames=0.0)), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1000})  # A4
+    with on_paper(opened, "sheets") as pages:
+        assert len(opened.page.query_selector_all(".answer .key li")) > 9
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert [pages(size) for size in ("A4", "Letter")] == [1, 1]
+    opened.context.close()
+
+
 def test_figures_follow_the_dark_scheme(wide):
     for scheme, ink in (("dark", "#e9eaec"), ("light", "#16191d")):
         wide.page.emulate_media(color_scheme=scheme)
