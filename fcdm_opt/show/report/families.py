@@ -154,8 +154,8 @@ def _family(
     found = sorted(frames)
     why = "the time given is nearly over" if share < 0.0 else "more take long, of many corners or many cases"
     fewer = [f"{count} of {len(values)} values: {why}"] if count < len(values) else []
-    left_out = " left out: the search for an answer there is too long"
-    late = [f"{shown(end)} and {'more' if end > AS_ASKED else 'less'}{left_out}" for end in ends if np.isfinite(end)]
+    cut = " left out: the search for an answer there is too long"
+    late = [f"{shown(end)} and {'more' if end > AS_ASKED else 'less'}{cut}" for end in ends if np.isfinite(end)]
     return {
         **names,
         "values": found,
