@@ -44,8 +44,9 @@ const tinted = (colour, ground, share = 0.3) => `#${[1, 3, 5].map(k => {
   return Math.round(own + share * (other - own)).toString(16).padStart(2, "0");
 }).join("")}`;
 
-/** Points so near to the reader that what is beside them hides no part of their rings. */
-const broughtForward = (points, { eye, center }, by) => lifted(points, { facing: unit(minus(values(eye), values(center))) }, by);
+/** Points so near to the reader that what is beside them hides no part of their rings; before a section there is nothing. */
+const broughtForward = (points, { eye, center }, plane) => points.flatMap(p => lifted([p],
+  { facing: unit(minus(values(eye), values(center))) }, plane && dot(plane.facing, p) > plane.level - 2e-3 * extent().size ? 0.18 : 0.08));
 
 function drawScene() {
   const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane() : null;
@@ -54,7 +55,6 @@ function drawScene() {
     ...overlapTraces(frame, colours),
     ...triad(colours),
   ];
-  const nearer = plane ? 0.18 : 0.08; // before a section nothing is left that should hide them
   const known = (frame.contacts ?? []).map((at, k) => ({ at, name: frame.contact ? toldOf(frame.contact[k]) : k }));
   const left = known.filter(({ at }) => !plane || dot(plane.facing, at) <= plane.level), names = left.map(({ name }) => name);
   const seen = left.filter(({ name }, k) => names.indexOf(name) === k).map(({ at }) => at); // of facets of one face the first
@@ -63,7 +63,7 @@ function drawScene() {
   if (seen.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(broughtForward(seen, view.camera, nearer)), marker: ring,
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(broughtForward(seen, view.camera, plane)), marker: ring,
       hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
@@ -79,7 +79,7 @@ function drawScene() {
   const drawn = Plotly.react(gd, traces, layout, SCENE);
   gd.removeAllListeners("plotly_relayout");
   gd.on("plotly_relayout", () => {
-    const { x, y, z } = columns(broughtForward(seen, currentView().camera, nearer)), at = traces.findIndex(trace => trace.name === "contact");
+    const { x, y, z } = columns(broughtForward(seen, currentView().camera, plane)), at = traces.findIndex(trace => trace.name === "contact");
     if (at >= 0) Plotly.restyle(gd, { x: [x], y: [y], z: [z] }, [at]);
   });
   return drawn;
@@ -297,9 +297,10 @@ function featureTraces(frame, colours, plane) {
   });
 }
 
-/** Where the directions x, y, z are drawn, at the lower corner: their start, and their ends. */
+/** Where the directions x, y, z are drawn, below the corner that nothing hides on first view: their start, and their ends. */
 function triadPoints() {
-  const { low, size } = extent(), length = 0.13 * size, at = low.map(x => x - 0.4 * length);
+  const { box, size } = extent(), length = 0.13 * size, behind = currentCase().scene.view[1] > 0;
+  const at = box.map(([lo, hi], k) => (k === 2 ? lo - 1.1 * length : behind ? hi + 0.4 * length : lo - 0.4 * length));
   return [at, ...[0, 1, 2].map(k => at.map((x, j) => x + (j === k ? length : 0)))];
 }
 
@@ -330,7 +331,7 @@ function extent() {
   const families = Object.values(shown.families ?? {}).filter(Boolean).flatMap(each => each.frames);
   const every = families.length ? bounds(reached(families)) : box;
   const range = box.map(([lo, hi], k) => [Math.min(lo, every[k][0]) - 0.2 * size, Math.max(hi, every[k][1]) + 0.2 * size]);
-  return (shown.extent = { points, low: box.map(([lo]) => lo), middle: box.map(([lo, hi]) => (lo + hi) / 2), size, range });
+  return (shown.extent = { points, box, middle: box.map(([lo, hi]) => (lo + hi) / 2), size, range });
 }
 
 // --------------------------------------------------------------------------------------------------- view of the scene
