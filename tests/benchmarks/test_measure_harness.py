@@ -227,10 +227,18 @@ def test_no_name_in_a_panel_stands_on_another():
 def test_the_strongest_rival_had_no_name_in_a_crowded_panel():
     """It stands between ours and a rival with many settings, at the left edge, as a simplex does on small hulls."""
     rows = [row("growth simplex + Newton", "growth distance", 1e-5, 1e-16, task="contact")]
-    rows += [row(own, "ours", *at, task="contact") for own, at in
-             {"kernel": (1e-3, 0.0), "decision_curves": (4e-6, 3e-17), "decision_curve": (6e-5, 1e-16)}.items()]
-    rows += [row("coal distance + Newton", "coal", 1.4e-5 * 1.2**k, 10.0 ** (-2 * k), task="contact", setting=str(k))
-             for k in range(1, 9)]
+    rows += [
+        row(own, "ours", *at, task="contact")
+        for own, at in {
+            "kernel": (1e-3, 0.0),
+            "decision_curves": (4e-6, 3e-17),
+            "decision_curve": (6e-5, 1e-16),
+        }.items()
+    ]
+    rows += [
+        row("coal distance + Newton", "coal", 1.4e-5 * 1.2**k, 10.0 ** (-2 * k), task="contact", setting=str(k))
+        for k in range(1, 9)
+    ]
     rows += [row(f"rival {k}", "HiGHS", 3e-5 * 1.3**k, 10.0**-k, task="contact", setting=str(k)) for k in range(2, 16)]
     (texts,) = [axes.texts for axes in overview_figure(run(chart=rows)).axes if axes.get_title()]
     assert "growth simplex + Newton" in {text.get_text() for text in texts}
