@@ -66,8 +66,8 @@ world shorter than this on the page gets no name."""
 AZIMUTHS = tuple(float(quarter + off) for quarter in (-180, -90, 0, 90) for off in (20, 35, 55, 70))
 """Degrees that a scene may be seen from: along no axis, and not halfway between two, where edges of boxes meet."""
 
-FROM_BEHIND = 1.2
-"""What a view from behind costs: more than half of the contact that it shows and one from the front hides."""
+FROM_BEHIND = 0.9
+"""What a view from behind costs: almost half of the contact that it shows and one from the front hides."""
 
 MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, that tell what is hidden
 VEIL, EDGE_ON = 0.3, 0.01
@@ -208,10 +208,12 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts that get an inset, one of those that look alike."""
+    """Return the contacts that get an inset, one of those that look alike or are facets of one face."""
     insets: list[Touching] = []
     for contact in contacts:
-        if all(abs(float(contact.normal @ other.normal)) < ALIKE for other in insets):
+        if all(
+            abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in insets
+        ):
             insets.append(contact)
     return insets[:MOST_INSETS]
 

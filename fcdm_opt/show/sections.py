@@ -33,8 +33,8 @@ STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
 """Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
 nowhere; at most this share."""
 
-ALONG_AXIS = 1.0 - 1e-6
-"""Component of a direction along an axis of the world from which on it is that axis."""
+ALONG_AXIS, LEVEL = 1.0 - 1e-6, 0.9
+"""Component of a direction along an axis of the world from which on it is that axis; along z, of a level section."""
 
 SLIVER = 0.15
 """Share of a body's extent that a cut leaves at least."""
@@ -280,7 +280,7 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
     """Return the direction from a section to the reader, and the section's directions (3, 2), right and up.
 
     Normal and motion lie in the section. Where that leaves a choice it is cut along axes of the world, and seen from
-    the side that the scene is seen from; up is what is up there.
+    the side that the scene is seen from; up is z, in a section that is nearly level what is up there.
     """
     toward = np.cross(page[:, 0], page[:, 1])
     facing = np.cross(normal, step)
@@ -290,7 +290,8 @@ def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array
         if np.linalg.norm(facing) < 0.05:
             facing = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     facing = facing * (1.0 if facing @ toward >= 0.0 else -1.0) / np.linalg.norm(facing)
-    up = page[:, 1] - (page[:, 1] @ facing) * facing
+    up = page[:, 1] if abs(facing[2]) > LEVEL else np.eye(3)[2]
+    up = up - (up @ facing) * facing
     if np.abs(facing).max() > ALONG_AXIS:
         k = int(np.abs(up).argmax())
         up = np.sign(up[k]) * np.eye(3)[k]

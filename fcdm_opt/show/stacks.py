@@ -222,7 +222,7 @@ def contributions_of(stack: StackUp) -> list[SizeShare]:
 def stack_notes(stack: StackUp) -> list[str]:
     """Return what a stack-up leaves out or takes as given, a sentence each.
 
-    Contacts that are always closed, motions that only weights decide, sizes at which a face vanishes.
+    Contacts that are always closed, motions that only weights decide, keep-outs, sizes at which a face vanishes.
     """
     factor, face, where = stack.touching.vanishing
     end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
@@ -231,7 +231,9 @@ def stack_notes(stack: StackUp) -> list[str]:
         f"closed contacts leave {' and '.join(stack.weighted)} free together, and the gap depends on them: it is that "
         "of the least motions, by their weights"
     )
-    return [*not_counted(stack.standing), *[free] * bool(stack.weighted), *[beyond] * (factor < 1.0)]
+    kept = f"it is the gap of the two bodies: keep-outs ({', '.join(stack.keep_out)}) have no part in it"
+    notes = {free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
+    return [*not_counted(stack.standing), *(note for note, holds in notes.items() if holds)]
 
 
 def commented_out_sizes(path: Path) -> str:

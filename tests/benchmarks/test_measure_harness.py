@@ -224,6 +224,26 @@ def test_no_name_in_a_panel_stands_on_another():
     assert not any(one.overlaps(two) for k, one in enumerate(boxes) for two in boxes[:k])
 
 
+def test_the_strongest_rival_had_no_name_in_a_crowded_panel():
+    """It stands between ours and a rival with many settings, at the left edge, as a simplex does on small hulls."""
+    rows = [row("growth simplex + Newton", "growth distance", 1e-5, 1e-16, task="contact")]
+    rows += [
+        row(own, "ours", *at, task="contact")
+        for own, at in {
+            "kernel": (1e-3, 0.0),
+            "decision_curves": (4e-6, 3e-17),
+            "decision_curve": (6e-5, 1e-16),
+        }.items()
+    ]
+    rows += [
+        row("coal distance + Newton", "coal", 1.4e-5 * 1.2**k, 10.0 ** (-2 * k), task="contact", setting=str(k))
+        for k in range(1, 9)
+    ]
+    rows += [row(f"rival {k}", "HiGHS", 3e-5 * 1.3**k, 10.0**-k, task="contact", setting=str(k)) for k in range(2, 16)]
+    (texts,) = [axes.texts for axes in overview_figure(run(chart=rows)).axes if axes.get_title()]
+    assert "growth simplex + Newton" in {text.get_text() for text in texts}
+
+
 def test_a_method_looks_the_same_in_all_panels():
     """Its colour was that of its rank in a panel."""
     other = [row("SLSQP", "scipy", 1e-3, 1e-9, task=task, parameters=1) for task in ("contact", "motion")]

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import typer
 from documents import NOT_RUN, ROOT, Command, Document, agree, documents
+from PIL import Image
 from scipy.special import ndtr
 from typer.exceptions import TyperException
 from typer.testing import CliRunner
@@ -178,6 +179,17 @@ def test_links_pictures_and_anchors_exist(page: Document) -> None:
             assert exists(anchor), f"{where} names nothing of the package"
         else:
             assert anchor in Document(path).anchors, f"{where}: no such heading"
+
+
+@each_document
+def test_pictures_were_white_plates_on_dark_pages(page: Document) -> None:
+    """Each has a form for these: of the same size, dark where it is light."""
+    text = page.path.read_text(encoding="utf-8")
+    for name in set(re.findall(r"([\w./-]*pictures/[\w-]+?)(?:-dark)?\.png", text)):
+        assert f'srcset="{name}-dark.png"' in text, f"{page.name}: {name} has no dark form"
+        light, dark = (Image.open(page.path.parent / f"{name}{own}.png").convert("L") for own in ("", "-dark"))
+        assert light.size == dark.size, f"{page.name}: {name}"
+        assert dark.resize((1, 1)).getpixel((0, 0)) < 80 < 175 < light.resize((1, 1)).getpixel((0, 0)), name
 
 
 @each_document

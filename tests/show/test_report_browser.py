@@ -324,6 +324,7 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
     opened.drawn("0 corrected")
+    assert "contact point" in opened.page.inner_text("#viewer .key")  # black circles were not explained
     solids = opened.page.evaluate(
         "document.getElementById('bodies').data.filter(t => t.type === 'mesh3d' && t.name !== 'contact area')"
         ".map(t => ({ x: [...t.x], y: [...t.y], z: [...t.z] }))"
@@ -335,12 +336,17 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
         found = points(solid)
         assert max(np.linalg.norm(found - corner, axis=1).min() for corner in expected) < 1e-5
     shift = solution.parameters["left wedge"]["TX"]
-    eye = opened.page.evaluate("Object.values(document.getElementById('bodies').layout.scene.camera.eye)")
-    nearer = np.array(eye) / np.linalg.norm(eye)  # rings stand before what is beside them
+    camera = opened.camera()["camera"]
+    arm = np.subtract(*(list(camera[k].values()) for k in ("eye", "center")))
+    nearer = arm / np.linalg.norm(arm)  # rings stand before what is beside them
     shown = points(opened.trace("bodies", "contact"))
     places = shown - shown[0, 2] / nearer[2] * nearer
     assert (np.abs(places[:2, 2]) < 1e-5).all()  # both wedges stand on the base, z = 0
     assert places[2, 2] == pytest.approx(-(places[2, 0] - shift) - 1.0, abs=1e-5)  # on the left one's slope
+    opened.page.click("[data-look=cut]")
+    opened.until("document.getElementById('bodies').data.some(t => t.name === 'contact, cut')", True)
+    rings, ranges = points(opened.trace("bodies", "contact")), [opened.camera()[f"{k}axis"]["range"] for k in "xyz"]
+    assert ((rings - np.mean(ranges, axis=1)) / np.ptp(ranges, axis=1) < 0.5).all()  # beyond they are not drawn
     opened.page.check("input[name=pose][value=rescaled]", force=True)
     opened.drawn("0 rescaled")
     assert opened.trace("bodies", "before the motion") is None
@@ -368,6 +374,47 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
     wide.page.click("[data-look=clear]")
     for corners, role in zip(whole, ("movable", "static"), strict=True):
         wide.until(count.format(role), corners)
+
+
+def test_a_tall_box_and_its_lid_fill_the_frame_and_are_cut_open_across_the_rim(browser, tmp_path):
+    """They ran out of the frame, and the plane lay in the front wall: the room within stayed shut."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    def block(*ends):
+        return np.array([[ends[k][bit >> k & 1] for k in range(3)] for bit in range(8)], dtype=float)
+
+    walls = [((-10, -8), (-6, 6)), ((8, 10), (-6, 6)), ((-8, 8), (-6, -4)), ((-8, 8), (4, 6))]
+    base = fo.Body.from_parts(
+        [block(*sides, (0, 60)) for sides in walls] + [block((-10, 10), (-6, 6), (-2, 0))], name="box"
+    )
+    lid = fo.Body.convex(block((-10, 10), (-6, 6), (60, 63)), name="lid")
+    asked = fo.Problem(lid, base, goal="seat", target=(1.0, 1.02), motion=fo.Translation("z"))
+    path = PROBLEMS / "example1.toml"
+    case = (data := gather([Read(path, "", "", (asked,))], certify=False, frames=0.0))["cases"][0]
+    (tmp_path / "report.html").write_text(page(data), encoding="utf-8")
+    for width in (1280, 390):
+        opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": width, "height": 900})
+        opened.drawn("0 corrected")
+        scene, frame = opened.camera(), opened.page.locator("#bodies").bounding_box()
+        eye, centre, up = (np.array(list(scene["camera"][k].values())) for k in ("eye", "center", "up"))
+        right = np.cross(up, eye - centre)
+        page_axes = np.array([right, np.cross(eye - centre, right)])
+        page_axes /= np.linalg.norm(page_axes, axis=1)[:, None]
+        ranges = [scene[f"{k}axis"]["range"] for k in "xyz"]
+        unit = scene["aspectratio"]["x"] / np.ptp(ranges[0])
+        corners = np.vstack([placed(case, body, case["poses"]["corrected"]) for body in (0, 1)])
+        shown = ((corners - np.mean(ranges, axis=1)) * unit - centre) @ page_axes.T
+        room = np.array([frame["width"] / frame["height"], 1.0])  # of an orthographic view, two units high
+        assert 0.7 < (np.abs(shown) / room).max() < 1.0
+        opened.page.click("[data-look=cut]")
+        opened.until("document.getElementById('bodies').data.find(t => t.name === 'movable').x.length !== 8", True)
+        facing, size = np.array(case["scene"]["section"]), case["scene"]["size"]
+        kept = points(opened.trace("bodies", "static edges")) @ facing
+        middle = float(np.mean([placed(case, 1, case["poses"]["corrected"]) @ facing]))
+        assert np.nanmax(kept) == pytest.approx(middle, abs=1e-3 * size)  # through the middle of box and lid
+        assert opened.wrong == []
+        opened.context.close()
 
 
 def test_words_and_picture_of_an_answer_stand_side_by_side(wide):
@@ -455,6 +502,21 @@ def test_paper_shows_all_cases_and_tables_in_light_colours(wide, payload):
     assert not wide.page.is_visible("text=Relative tolerances and their reasons")
 
 
+def test_a_long_key_stood_on_the_headline_on_paper(browser, tmp_path):
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    file = ProblemFile.read(path := PROBLEMS / "nut.toml")
+    asked = tuple(own for own in file.problems(Problem, path) if own.name == "turned until it holds")
+    (tmp_path / "report.html").write_text(page(gather([Read(path, "", "", asked)], certify=False, frames=0.0)), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1000})  # A4
+    with on_paper(opened, "sheets") as pages:
+        assert len(opened.page.query_selector_all(".answer .key li")) > 9
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert [pages(size) for size in ("A4", "Letter")] == [1, 1]
+    opened.context.close()
+
+
 def test_figures_follow_the_dark_scheme(wide):
     for scheme, ink in (("dark", "#e9eaec"), ("light", "#16191d")):
         wide.page.emulate_media(color_scheme=scheme)
@@ -498,10 +560,15 @@ def test_a_study_of_words_without_a_motion_is_drawn_too(browser, tmp_path):
     made = result(["A", HOSTILE])
     made.answers.clear()
     made.answers.update({key: row(key, "INFEASIBLE", "Proved impossible") for key, _ in made.points})
+    made.answers[made.points[0][0]] = row(made.points[0][0], "ERROR", "KeyError: 'rim'")
     path = tmp_path / "study.html"
     path.write_text(study_page(made), encoding="utf-8")
     opened = Opened(browser, path.as_uri())
     try:
+        symbols = opened.page.evaluate("document.getElementById('chart').data.flatMap(t => [t.marker.symbol].flat())")
+        assert symbols.count("cross-thin-open") == 1  # it failed: of no other point a motion is known not to be there
+        assert "no usable motion" in opened.text("key")
+        assert "without an answer" in opened.text("key")
         opened.page.select_option("#x-axis", "case")
         opened.drawn("case|amount|case|0")
         opened.slide(5)

@@ -18,7 +18,7 @@ from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, answered
-from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, frames_of
+from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.sizes import stack_report
 from fcdm_opt.show.stacks import stack_notes
@@ -159,7 +159,7 @@ def test_a_search_for_a_frame_without_end_is_given_up_after_so_many_looks(monkey
     (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
     family = case["families"]["tolerance"]
     assert family["values"] == [0.0, 1.0]
-    assert family["note"].startswith("from +4 %, +8 % on left out")
+    assert family["note"].startswith("+4 %, +8 % and more left out")
 
 
 def test_a_search_for_a_frame_went_on_without_end_while_the_report_was_drawn(monkeypatch):
@@ -173,6 +173,19 @@ def test_a_search_for_a_frame_went_on_without_end_while_the_report_was_drawn(mon
     monkeypatch.setattr("fcdm_opt.show.report.families.solve", endless)
     (case,) = gather([opened("boxes", "both made larger")], certify=False, frames=0.0)["cases"]
     assert case["families"]["tolerance"]["values"] == [1.0]
+
+
+def test_a_search_without_end_at_no_tolerance_left_out_all_larger_ones():
+    """What takes long there says nothing of the other side of what is asked."""
+
+    def frame(value):
+        if value < 0.5:
+            raise pacing.TimeOverError
+        return {"value": value}
+
+    found = _family(frame, FACTORS, 1.0, "{:g}".format, "")
+    assert found["values"] == [value for value in FACTORS if value >= 0.5]
+    assert found["note"] == "0.4 and less left out: the search for an answer there is too long"
 
 
 def test_tolerance_family_of_boxes_is_the_closed_form():
@@ -268,7 +281,9 @@ def test_the_least_family_has_its_ends_and_the_case_as_asked_and_says_so():
         assert len(family["values"]) == LEAST
         assert family["values"] == sorted(family["values"])
         assert {values[0], 1.0, values[-1]} <= set(family["values"])
-        assert f"{LEAST} of {len(values)} values" in family["note"]
+        assert f"{LEAST} of {len(values)} values: more take long, of many corners" in family["note"]
+    late = of_problem(opened("example1", "A").problems[0], frames=-1.0)["families"]["motion"]
+    assert late["note"] == f"1 of {len(SHARES)} values: the time given is nearly over"
 
 
 def test_shares_beyond_the_limits_are_marked():
@@ -618,6 +633,11 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     (told,) = stack_report(asked)["notes"]
     assert told == stack_notes(fo.stack_up(asked))[0]
     assert "closed at all these sizes, and not counted" in told
+    post = fo.KeepOut(fo.Body.convex([*product((-6, -5), (-4, 4), (0, 4))], name="post"))
+    kept = stack_report(asked.changed(keep_out=[post]))  # it had none: the gap of the two is what it is without
+    assert kept == stack_report(asked) | {"notes": [told, kept["notes"][1]]}
+    assert kept["worst"][0]["gap"] == pytest.approx(0.1 - 0.03, abs=1e-14)
+    assert "keep-outs (post) have no part in it" in kept["notes"][1]
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     (told,) = stack_report(fo.Problem(tilted, floor, sizes=[turned], motion=fo.Translation("x")))["notes"]

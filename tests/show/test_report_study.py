@@ -14,12 +14,15 @@ from typing import Any
 import pytest
 from study_results import TAUS, result
 
+from fcdm_opt.design.study.point import row
 from fcdm_opt.errors import InputError
 from fcdm_opt.show import rendering
 from fcdm_opt.show.report import page as module
 from fcdm_opt.show.report.page import study_page
 
 HOSTILE = r"</script><b>bold & 'quoted' $\frac$ $x$"
+
+
 class Reader(HTMLParser):
     """Text, tags and packed data of a page."""
 
@@ -64,6 +67,18 @@ def test_what_is_not_worked_out_yet_is_said() -> None:
     reader, data = read(study_page(result(["A", "B"], pending=3)))
     assert "3 pending" in " ".join(reader.text)
     assert data["usable"][-3:] == [False] * 3
+
+
+def test_an_error_of_the_program_was_drawn_as_no_usable_motion() -> None:
+    """Nor was the reason told, but for who read the table of points."""
+    made = result(["A", "B"], pending=1)
+    made.answers["0 0.02"] = row("0 0.02", "ERROR", "KeyError: 'rim'")
+    made.answers["0 0.03"] = row("0 0.03", "ERROR", "KeyError: 'other'")
+    made.answers["0 0.01"] = row("0 0.01", "INFEASIBLE", "Proved impossible")
+    reader, data = read(study_page(made))
+    told = {"ERROR": "2 without an answer, error: KeyError: 'rim'", "PENDING": "1 without an answer, pending"}
+    assert data["unanswered"] == told
+    assert set(told.values()) <= set(reader.text)
 
 
 def test_a_budget_is_told_with_its_yield() -> None:

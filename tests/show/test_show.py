@@ -20,6 +20,7 @@ from matplotlib.text import Text
 from ordinary import problems, solved
 from picture_checks import check_texts, shown
 from PIL import Image
+from solids import box as cuboid
 
 import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, decision_curve
@@ -443,6 +444,17 @@ def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
     assert "in contact" in texts(draw("scene", 2, "A"))
 
 
+def test_a_key_behind_its_shaft_was_not_to_be_seen() -> None:
+    """It stands out of a pocket in the back and touches a wall: nothing of that is seen from the front."""
+    key = Body.convex(cuboid((-4, 11.1, -12.4), (4, 18, 12.4)))
+    walls = [((-15, -9, -12.5), (-4.1, 15, 12.5)), ((4, -9, -12.5), (15, 15, 12.5)), ((-4.1, -9, -12.5), (4, 11, 12.5))]
+    ends = [((-15, -9, -30), (15, 15, -12.5)), ((-15, -9, 12.5), (15, 15, 30))]
+    shaft = Body.from_parts([cuboid(*own) for own in (*walls, *ends)])
+    view = view_of(decision_curve(key, shaft), (1.0, 1.0), ((1.0, 0.0, 0.0),))
+    page = page_directions(*view)
+    assert np.cross(page[:, 0], page[:, 1])[1] > 0.0
+
+
 @pytest.mark.parametrize("view", [(18.0, -70.0), (32.0, -20.0), (18.0, 110.0), (50.0, -55.0)])
 @pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
 def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], way: Any) -> None:
@@ -455,6 +467,24 @@ def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], 
     assert (step @ plane) @ (step @ page) > 0.0
     if abs(facing[2]) < 0.5:
         np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_facets_of_one_face_had_an_inset_each() -> None:
+    """Both were named contact 1: of faces that are apart each has its own."""
+    one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
+    facets = [Touching((np.eye(3)[k][None],), np.eye(3)[k], number=1) for k in range(2)]
+    for numbers, count in (((1, 1), 1), ((1, 0), 1), ((1, 2), 2)):  # 0: told with another
+        contacts = [own._replace(number=number) for own, number in zip(facets, numbers, strict=True)]
+        assert len(scene_pieces(ShownPair.of(one, two, view=(32.0, -55.0)), contacts=contacts).insets) == count
+
+
+@pytest.mark.parametrize("turn", [5.0, 41.0, 80.0, 131.0])
+def test_an_inset_of_a_round_wall_leaned(turn: float) -> None:
+    """A section along a shaft that goes down its bore: the wall stood askew, but along axes of the world."""
+    normal = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0.0])
+    facing, plane = section_plane(normal, np.array([0.0, 0.0, -1.0]), page_directions(18.0, -70.0))
+    np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(np.cross(plane[:, 0], plane[:, 1]), facing, atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -176,8 +176,8 @@ def _in_order(method: tuple[str, str]) -> tuple[int, int, str]:
 
 def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, Look], seconds: tuple[float, float]) -> None:
     """Draw each method's settings, the share of its answers that failed, and the names of the strongest."""
-    axes.set(xscale="log", yscale="log", xlim=seconds, ylim=(EXACT / 10, BAND[1]))
-    axes.axhspan(*BAND, color=GREY, alpha=0.08, lw=0)
+    axes.set(xscale="log", yscale="log", xlim=seconds, ylim=(EXACT / 1e4, BAND[1]))
+    axes.axhspan(*BAND, color=GREY, alpha=0.12, lw=0)
     axes.axhline(EXACT, color=GREY, lw=0.6, ls=":")
     ticks = {EXACT: "exact", **{10.0**k: f"$10^{{{k}}}$" for k in range(-16, 1, 4)}, _failed(0.0): "0 % fail",
              _failed(1.0): "100 %"}  # fmt: skip
@@ -185,7 +185,8 @@ def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, Look], seconds: tupl
     axes.minorticks_off()
     axes.grid(visible=True)
     ours = [row["method"] for row in rows if row["family"] == "ours"]
-    named = dict.fromkeys([*ours, *strongest(rows)[:NAMED]])
+    rivals = strongest(rows)[:NAMED]
+    named = dict.fromkeys([*rivals[:1], *ours, *rivals])  # in this order, as there may not be room for all
     names, places = Names(axes), dict[str, list[tuple[float, float]]]()
     for method, look in reversed(looks.items()):  # ours above all others
         mine = [row for row in rows if row["method"] == method]
@@ -196,7 +197,7 @@ def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, Look], seconds: tupl
         if look.ours:
             axes.errorbar(x, error, xerr=[x - low, high - x], yerr=[error - error_low, error_high - error], fmt="none",
                           ecolor=look.colour, elinewidth=0.5, alpha=0.6)  # fmt: skip
-        faint = {} if method in named else {"alpha": 0.55}
+        faint = {} if method in named else {"alpha": 0.85}
         if len(x):
             axes.plot(x, error, ls="-" if look.ours else "--", lw=0.6, **look.point, **faint)
         failed = [(spot[1], _failed(spot[6] / spot[7])) for spot in spots if spot[6]]

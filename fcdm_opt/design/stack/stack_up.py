@@ -151,12 +151,15 @@ class StackUp:
         Of lengths.
     loop : Loop or None
         Of rows of contacts as drawn: which pair they are of, and what stays closed.
+    keep_out : tuple of str
+        Keep-outs of the problem, by name: the gap is that of two bodies, whatever these leave free.
     """
 
     touching: TouchingSizes
     limits: tuple[float, float]
     unit: str = ""
     loop: Loop | None = None
+    keep_out: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
@@ -459,13 +462,10 @@ def stack_up(
     ------
     InputError
         Where there are no sizes or one has no tolerance, where a scale turns the faces of a contact, where a body of
-        several parts changes its shape within the tolerances, which names size and face, and for keep-outs.
+        several parts changes its shape within the tolerances, which names size and face.
     """
     expected(problem, (Problem, Assembly), "problem")
-    if problem.keep_out:
-        what = "a stack-up is of the gap of two bodies, and does not look at keep-outs"
-        found = [own.name for own in problem.keep_out]
-        raise InputError(what, key="keep_out", found=found, allowed="none: a case without them")
+    keep_out = tuple(own.name for own in problem.keep_out)
     between = (getattr(problem, "clearance", 0.0), np.inf) if limits is None else interval(limits, "limits")
     if isinstance(problem, Assembly):
         if pose is not None:
@@ -478,5 +478,5 @@ def stack_up(
     else:
         drawn = problem.request["movable"], problem.request["static"]
         touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
-        return StackUp(touching, between, problem.unit)
-    return StackUp(loop.touching, between, problem.unit, loop)
+        return StackUp(touching, between, problem.unit, None, keep_out)
+    return StackUp(loop.touching, between, problem.unit, loop, keep_out)

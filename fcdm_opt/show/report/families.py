@@ -137,23 +137,25 @@ def _family(
     count = max(LEAST, int(share * len(values))) if share >= 0.0 else 1
     frames: dict[float, dict[str, Any]] = {}
     refused: list[float] = []
-    end = np.inf  # from which value on no answer is found soon
+    ends = [-np.inf, np.inf]  # from which values on, to either side, no answer is found soon
     chosen = list(islice(_coarse_to_fine(values), count))
     for value in chosen:
-        if value >= end:
+        if not ends[0] < value < ends[1]:
             continue
         try:
             made = frame(value)
         except pacing.TimeOverError:
-            end = value
+            ends[value > AS_ASKED] = value
             continue
         if made is None:
             refused.append(value)
         else:
             frames[value] = made
     found = sorted(frames)
-    fewer = [f"{count} of {len(values)} values: the parts are large, or the cases many"] if count < len(values) else []
-    late = [f"from {shown(end)} on left out: the search for an answer there is too long"] if end < np.inf else []
+    why = "the time given is nearly over" if share < 0.0 else "more take long, of many corners or many cases"
+    fewer = [f"{count} of {len(values)} values: {why}"] if count < len(values) else []
+    cut = " left out: the search for an answer there is too long"
+    late = [f"{shown(end)} and {'more' if end > AS_ASKED else 'less'}{cut}" for end in ends if np.isfinite(end)]
     return {
         **names,
         "values": found,

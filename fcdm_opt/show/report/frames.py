@@ -133,7 +133,7 @@ class Frames:
             "curve": pacing.in_time(self._segments, curve, late=[]),
             "switching": pacing.in_time(self._switching, curve, late=[]),
             "contacts": drawn(list(map(_place, contacts.values()))),
-            "areas": [drawn(share) for shares in contacts.values() for share in shares if len(share) > 1],
+            "shares": [list(map(drawn, shares)) for shares in contacts.values()],
             "contact": self.shapes_of(contacts),
             "target": drawn(sizes if target is None else target),
             "rho": None if rho is None or not np.isfinite(rho).all() else drawn(rho),
@@ -253,7 +253,7 @@ def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pie
     moved = {
         "transforms": [None if pose is None else drawn(np.ravel(pose)) for pose in poses],
         "contacts": [drawn(each.middle) for each in contacts],
-        "areas": [drawn(piece) for each in contacts for piece in each.pieces if len(piece) > 1],
+        "shares": [list(map(drawn, each.pieces)) for each in contacts],
     }
     return {
         "name": assembly.name,

@@ -11,6 +11,7 @@ from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
+from fcdm_opt.problem.solution import Status
 from fcdm_opt.show import inline_svg
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.rendering import whole_page
@@ -20,7 +21,7 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import parts_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.texts import amount_text, asked_text, bound_line, listed, shown, study_facts
+from fcdm_opt.show.texts import amount_text, asked_text, bound_line, listed, shown, status_text, study_facts
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -197,6 +198,7 @@ def study_page(result: StudyResult) -> str:
             "varied": varied,
             "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
             "usable": [bool(rows[k]["usable"]) for k in charted],
+            "unanswered": (unanswered := _unanswered(result, rows)),
             "numbers": list(charted),
             "of": count,
             "budget": result.definition.get("budget"),
@@ -205,6 +207,7 @@ def study_page(result: StudyResult) -> str:
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
         summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
+        unanswered=unanswered.values(),
         picture=inline_svg(study_figure(result), "picture"),
         varied=[_varied(label, values) for label, values in result.axes.items()],
         caption=f"{count} points" if count <= MOST_ROWS else f"{MOST_ROWS} of {count} points, evenly chosen",
@@ -214,6 +217,16 @@ def study_page(result: StudyResult) -> str:
         versions=[("rows worked out by fcdm_opt", result.version), *made().items()],
         definition=json.dumps(definition, indent=1, ensure_ascii=False),
     )
+
+
+def _unanswered(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return of each status that is no answer how many points have it, and what the first of them says."""
+    first = {row["status"]: row["message"] for row in reversed(rows) if row["status"] not in Status.__members__}
+    return {
+        status: f"{count} without an answer, {status_text(status)}{': ' * bool(first[status])}{first[status] or ''}"
+        for status, count in result.counts.items()
+        if status in first
+    }
 
 
 def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str]]:

@@ -38,7 +38,8 @@ function chooseCase(number, { remember = true } = {}) {
   for (const input of all("input[name=family]")) input.disabled = !families?.[input.value];
   markPressed("look", look());
   fillKeys();
-  prepareSlider(["tolerance", "motion"].find(name => families?.[name]) ?? null);
+  const sliders = ["tolerance", "motion"].filter(name => families?.[name]);
+  prepareSlider(sliders.find(name => families[name].frames.length > 1) ?? sliders[0] ?? null);
   if (remember) history.replaceState(null, "", `#case-${number}`);
   show();
 }
@@ -55,6 +56,7 @@ function fillKeys() {
   element("key-static").textContent = bodies[1].name;
   element("key-keep-out").hidden = bodies.length < 3;
   element("key-overlap").hidden = !poses.rescaled.overlap?.length;
+  for (const id of ["key-before", "key-after"]) element(id).hidden = !frames.some(frame => frame?.transform);
   element("key-snug").hidden = !frames.some(frame => frame?.curve.some(segment => segment[5]));
   element("key-tolerance").hidden = !box;
   element("key-quadrant").hidden = !quadrant;
@@ -67,7 +69,7 @@ function prepareSlider(name) {
   if (!element("slider")) return;
   const slider = element("slider"), chosen = name && currentCase().families[name];
   for (const input of all("input[name=family]")) input.checked = input.value === name;
-  slider.disabled = !chosen;
+  slider.disabled = !(chosen?.frames.length > 1);
   element("sliders").hidden = !chosen;
   slider.max = chosen ? chosen.frames.length - 1 : 0;
   slider.value = chosen ? chosen.start : 0;
@@ -108,7 +110,7 @@ function show() {
 const MOST_TOLD = 8; // contacts that are told in words, and numbered in the picture of the answer
 
 function showNumbers() {
-  const frame = currentFrame(), { feature_shapes: shapes } = currentCase();
+  const frame = currentFrame();
   const write = (id, text) => element(id)?.replaceChildren(text || "\u2013");
   const named = family() ? `${family().label} ${family().shown[state.index]}` : `pose ${poseName()}`;
   write("shown", `Shown: case ${currentCase().name}, ${named}${frame.note ? `: ${frame.note}` : ""}.`);
@@ -119,7 +121,7 @@ function showNumbers() {
   write("now-gap", inUnit(digits(frame.pair_gap, 4), currentCase().unit));
   write("now-state", frame.pair_state);
   write("now-status", (frame.status ?? "").toLowerCase().replaceAll("_", " "));
-  const told = [...new Set(featuresOf(frame).map(k => shapes[k].shapes.map(shape => shape.name).join(", ")))];
+  const told = [...new Set(featuresOf(frame).map(toldOf))];
   const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
   write("now-features", frame.contact?.length || !features ? features : `nothing here; intended contact: ${features}`);
 }

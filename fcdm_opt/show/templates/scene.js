@@ -1,6 +1,7 @@
 // The bodies in space, their features in contact, and from where they are seen.
 
-const VIEW_SIZE = 2.1; // of the scene: the bodies' diagonal in units of the view
+const VIEW_SIZE = 2.1; // of the scene: the bodies' diagonal in units of the view, which is 2 high
+const FILLED = 0.9; // share of the view that the bodies fill at first
 const TURN = Math.PI / 18, ZOOM = 1.25, STEEPEST = Math.PI / 24;
 const FAR = 8; // of the camera, in units of the view
 const NEAR = 3; // how much "to the contact" enlarges
@@ -10,6 +11,7 @@ const dot = (p, q) => p.reduce((sum, x, k) => sum + x * q[k], 0);
 const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
 const norm = p => Math.hypot(...p);
 const unit = p => p.map(x => x / (norm(p) || 1));
+const NOTHING = [Infinity, -Infinity], wider = ([low, high], x) => [Math.min(low, x), Math.max(high, x)];
 const middle = points => [0, 1, 2].map(k => points.reduce((sum, p) => sum + p[k], 0) / points.length);
 
 const seedOf = body => currentCase().scene.objects.find(object => object.body === body).seed;
@@ -42,23 +44,26 @@ const tinted = (colour, ground, share = 0.3) => `#${[1, 3, 5].map(k => {
   return Math.round(own + share * (other - own)).toString(16).padStart(2, "0");
 }).join("")}`;
 
-/** Points so near to the reader that what is beside them hides no part of their rings. */
-const broughtForward = (points, { eye, center }) => lifted(points, { facing: unit(minus(values(eye), values(center))) }, 0.08);
+/** Points so near to the reader that what is beside them hides no part of their rings; before a section there is nothing. */
+const broughtForward = (points, { eye, center }, plane) => points.flatMap(p => lifted([p],
+  { facing: unit(minus(values(eye), values(center))) }, plane && dot(plane.facing, p) > plane.level - 2e-3 * extent().size ? 0.18 : 0.08));
 
 function drawScene() {
-  const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane(frame) : null;
+  const frame = currentFrame(), colours = palette(), gd = element("bodies"), plane = look() === "cut" ? sectionPlane() : null;
   const traces = [
     ...bodyTraces(frame, colours, plane), ...before(frame, colours, plane), ...featureTraces(frame, colours, plane), ...areaTraces(frame, colours, plane),
     ...overlapTraces(frame, colours),
     ...triad(colours),
   ];
-  const known = frame.contacts ?? [], seen = plane ? known.filter(p => dot(plane.facing, p) <= plane.level) : known;
+  const known = (frame.contacts ?? []).map((at, k) => ({ at, name: frame.contact ? toldOf(frame.contact[k]) : k }));
+  const left = known.filter(({ at }) => !plane || dot(plane.facing, at) <= plane.level), names = left.map(({ name }) => name);
+  const seen = left.filter(({ name }, k) => names.indexOf(name) === k).map(({ at }) => at); // of facets of one face the first
   const view = freshView || !gd.layout?.scene ? firstView() : currentView();
   freshView = false;
   if (seen.length) {
     const ring = { symbol: "circle-open", size: 13, color: colours.ink, line: { width: 3, color: colours.ink } };
     traces.push({
-      type: "scatter3d", mode: "markers", name: "contact", ...columns(broughtForward(seen, view.camera)), marker: ring,
+      type: "scatter3d", mode: "markers", name: "contact", ...columns(broughtForward(seen, view.camera, plane)), marker: ring,
       hoverinfo: "text", text: seen.map(p => `contact point<br>${pair(p)}`),
     });
   }
@@ -74,7 +79,7 @@ function drawScene() {
   const drawn = Plotly.react(gd, traces, layout, SCENE);
   gd.removeAllListeners("plotly_relayout");
   gd.on("plotly_relayout", () => {
-    const { x, y, z } = columns(broughtForward(seen, currentView().camera)), at = traces.findIndex(trace => trace.name === "contact");
+    const { x, y, z } = columns(broughtForward(seen, currentView().camera, plane)), at = traces.findIndex(trace => trace.name === "contact");
     if (at >= 0) Plotly.restyle(gd, { x: [x], y: [y], z: [z] }, [at]);
   });
   return drawn;
@@ -108,10 +113,14 @@ function bodyTraces(frame, colours, plane) {
   });
 }
 
-/** Where the parts are cut open: through a contact, across it, so that what stands before it on first view is gone. */
-function sectionPlane(frame) {
-  const facing = currentCase().scene.section, [at] = frame.contacts?.length ? frame.contacts : contactsNear();
-  return { facing, level: dot(facing, at) + 1e-6 * extent().size };
+/** Where the parts are cut open: through the middle of the contact at which the plane meets most of them, across it, so that
+    what stands before it on first view is gone. */
+function sectionPlane() {
+  const facing = currentCase().scene.section, small = 1e-6 * extent().size, contacts = contactsNear();
+  const ends = contacts.map((p, k) => [p, ...(touchingFrame()?.shares[k].flat() ?? [])].map(q => dot(facing, q)).reduce(wider, NOTHING));
+  const levels = ends.map(([lo, hi]) => (lo + hi) / 2);
+  const met = levels.map(level => ends.filter(([lo, hi]) => lo <= level + small && level <= hi + small).length);
+  return { facing, level: levels[met.indexOf(Math.max(...met))] + small };
 }
 
 /** What of a body is behind a plane, cut there and closed by the section; all of one that is wholly before it. What is
@@ -187,9 +196,11 @@ function overlapTraces(frame, colours) {
   }] : [];
 }
 
+const areasOf = frame => (frame.shares ?? []).flat().filter(points => points.length > 1);
+
 /** What both bodies share: areas and lines, not all of the faces that touch; without edges within an area. */
 function areaTraces(frame, colours, plane) {
-  const areas = frame.areas ?? [];
+  const areas = areasOf(frame);
   return areas.flatMap((corner, k) => {
     const fan = corner.slice(2).map((_, n) => [0, n + 1, n + 2]), outline = rims(areas, k), count = corner.length;
     const whole = { triangles: fan, edges: outline.map((_, n) => [count + 2 * n, count + 2 * n + 1]) };
@@ -252,6 +263,7 @@ function featuresOf(frame) {
   return (frame.transform && currentCase().poses.tracked?.contact) || [];
 }
 
+const toldOf = k => currentCase().feature_shapes[k].shapes.map(shape => shape.name).join(", ");
 const shapesOf = frame => featuresOf(frame).flatMap(k => currentCase().feature_shapes[k].shapes);
 
 /** Edges of only one of some triangles: the outline of what they make up. */
@@ -264,7 +276,7 @@ function rim(triangles) {
 
 /** The features in contact, in green. */
 function featureTraces(frame, colours, plane) {
-  const drawn = shapesOf(frame).filter(shape => shape.kind !== "F" || !frame.areas?.length);
+  const drawn = shapesOf(frame).filter(shape => shape.kind !== "F" || !areasOf(frame).length);
   return drawn.flatMap(shape => {
     const whole = placed(shape.points, shape.body, frame), text = plain(shape.name), name = `feature ${text}`;
     const drawn = { triangles: shape.triangles ?? [], edges: shape.kind === "E" ? [[0, 1]] : rim(shape.triangles ?? []) };
@@ -285,10 +297,15 @@ function featureTraces(frame, colours, plane) {
   });
 }
 
-/** Directions x, y, z at the lower corner. */
+/** Where the directions x, y, z are drawn, below the corner that nothing hides on first view: their start, and their ends. */
+function triadPoints() {
+  const { box, size } = extent(), length = 0.13 * size, behind = currentCase().scene.view[1] > 0;
+  const at = box.map(([lo, hi], k) => (k === 2 ? lo - 1.1 * length : behind ? hi + 0.4 * length : lo - 0.4 * length));
+  return [at, ...[0, 1, 2].map(k => at.map((x, j) => x + (j === k ? length : 0)))];
+}
+
 function triad(colours) {
-  const { low, size } = extent(), length = 0.13 * size, at = low.map(x => x - 0.4 * length);
-  const ends = [0, 1, 2].map(k => at.map((x, j) => x + (j === k ? length : 0)));
+  const [at, ...ends] = triadPoints();
   const font = { family: FONT, size: 12, color: colours.quiet };
   return [
     {
@@ -308,14 +325,13 @@ function extent() {
   if (shown.extent) return shown.extent;
   const all = frame => shown.scene.objects.flatMap(object => placed(object.points, object.body, frame));
   const reached = frames => frames.filter(Boolean).flatMap(all);
-  const wider = ([low, high], x) => [Math.min(low, x), Math.max(high, x)];
-  const bounds = points => [0, 1, 2].map(k => points.reduce((found, p) => wider(found, p[k]), [Infinity, -Infinity]));
-  const box = bounds(reached(Object.values(shown.poses)));
+  const bounds = points => [0, 1, 2].map(k => points.reduce((found, p) => wider(found, p[k]), NOTHING));
+  const points = reached(Object.values(shown.poses)), box = bounds(points);
   const size = norm(box.map(([lo, hi]) => hi - lo));
   const families = Object.values(shown.families ?? {}).filter(Boolean).flatMap(each => each.frames);
   const every = families.length ? bounds(reached(families)) : box;
   const range = box.map(([lo, hi], k) => [Math.min(lo, every[k][0]) - 0.2 * size, Math.max(hi, every[k][1]) + 0.2 * size]);
-  return (shown.extent = { low: box.map(([lo]) => lo), middle: box.map(([lo, hi]) => (lo + hi) / 2), size, range });
+  return (shown.extent = { points, box, middle: box.map(([lo, hi]) => (lo + hi) / 2), size, range });
 }
 
 // --------------------------------------------------------------------------------------------------- view of the scene
@@ -338,11 +354,15 @@ function viewOf(eye, up, focus, zoom) {
   return { camera, aspectratio: xyz(range.map(([lo, hi]) => ((hi - lo) * VIEW_SIZE * zoom) / size)) };
 }
 
-/** From where the contact is seen, the same for all cases of a pair. */
+/** From where the contact is seen, the same for all cases of a pair; all of the poses fills the frame. */
 function firstView() {
-  const [up, turn] = currentCase().scene.view.map(x => (x * Math.PI) / 180);
+  const [up, turn] = currentCase().scene.view.map(x => (x * Math.PI) / 180), { points, size } = extent();
   const eye = [Math.cos(up) * Math.cos(turn), Math.cos(up) * Math.sin(turn), Math.sin(up)];
-  return viewOf(eye, [0, 0, 1], extent().middle, 1);
+  const right = [-Math.sin(turn), Math.cos(turn), 0], page = [right, cross(eye, right), eye], shown = [...points, ...triadPoints()];
+  const ends = page.map(way => shown.map(p => dot(way, p)).reduce(wider, NOTHING)), { clientWidth, clientHeight } = element("bodies");
+  const [wide, high] = ends.map(([lo, hi]) => ((hi - lo) * VIEW_SIZE) / (2 * FILLED * size));
+  const focus = [0, 1, 2].map(k => page.reduce((sum, way, j) => sum + (way[k] * (ends[j][0] + ends[j][1])) / 2, 0));
+  return viewOf(eye, [0, 0, 1], focus, 1 / Math.max(high, (wide * clientHeight) / clientWidth));
 }
 
 function currentView() {
@@ -384,12 +404,12 @@ function zoom(factor) {
   };
 }
 
-/** Contact points of the frame shown, or where it has none those of the poses. */
-function contactsNear() {
+/** The frame shown, or where nothing touches in it a pose in which something does. */
+function touchingFrame() {
   const { tracked, corrected, nominal } = currentCase().poses;
-  const frame = [currentFrame(), tracked, corrected, nominal].find(each => each?.contacts?.length);
-  return frame?.contacts ?? [extent().middle];
+  return [currentFrame(), tracked, corrected, nominal].find(each => each?.contacts?.length);
 }
+const contactsNear = () => touchingFrame()?.contacts ?? [extent().middle];
 
 function lookAtContact() {
   const { camera } = currentView(), contacts = contactsNear();

@@ -2,7 +2,7 @@
 
 const SYMBOLS = ["circle", "square", "diamond", "triangle-up", "triangle-down", "star", "hexagon", "pentagon"];
 const COLOURS = ["movable", "static", "good", "violet", "amber", "ink"];
-const FAILED = "x-thin-open";
+const NO_MOTION = "x-thin-open", NO_ANSWER = "cross-thin-open";
 const MOST_SERIES = 12; // values of a column that tells lines apart
 const NOTHING = "nothing";
 const EDGE = 0.025; // of the height: where points without a value stand
@@ -64,18 +64,15 @@ function draw() {
       text: places.map(hover), hoverinfo: "text",
     });
     const good = group.places.filter(place => study.usable[place]);
-    const bad = group.places.filter(place => !study.usable[place]);
+    const [known, unknown] = [true, false].map(has => group.places.filter(place => !study.usable[place] && (y[place] != null) === has));
     const lines = isOrdered && isLine(good.map(place => x[place]));
     return [
       {
         ...drawn(good), mode: lines ? "lines+markers" : "markers", line: { color: colours[group.colour], width: 1.6 },
         marker: { size: 6, symbol: group.symbol, color: colours[group.colour] },
       },
-      { ...drawn(bad.filter(place => y[place] != null)), mode: "markers", marker: failed(colours[group.colour]) },
-      {
-        ...drawn(bad.filter(place => y[place] == null)), mode: "markers", marker: failed(colours[group.colour]),
-        type: "scatter", y: bad.filter(place => y[place] == null).map(() => EDGE), yaxis: "y2",
-      },
+      { ...drawn(known), mode: "markers", marker: failed(colours[group.colour], known) },
+      { ...drawn(unknown), mode: "markers", marker: failed(colours[group.colour], unknown), y: unknown.map(() => EDGE), yaxis: "y2" },
     ];
   });
   traces.push({
@@ -123,8 +120,13 @@ function moveRing() {
   });
 }
 
-/** The mark of a point without a usable motion; where there is nothing to draw it at, it stands on the lower edge. */
-const failed = colour => ({ size: 9, symbol: FAILED, color: colour, line: { width: 2, color: colour } });
+const statusOf = place => study.rows[place][study.columns.indexOf("status")];
+const isAnswered = place => !(statusOf(place) in study.unanswered);
+
+/** The marks of points without a usable motion; where there is nothing to draw one at, it stands on the lower edge. */
+const failed = (colour, places) => ({
+  size: 9, symbol: places.map(place => (isAnswered(place) ? NO_MOTION : NO_ANSWER)), color: colour, line: { width: 2, color: colour },
+});
 
 /** Whether values rise or fall all the way, so that a line through them says something. */
 const isLine = values => values.length > 1 && (values.every((value, k) => !k || value > values[k - 1]) || values.every((value, k) => !k || value < values[k - 1]));
@@ -132,7 +134,8 @@ const isLine = values => values.length > 1 && (values.every((value, k) => !k || 
 function fillKey() {
   const marks = { circle: "\u25cf", square: "\u25a0", diamond: "\u25c6", "triangle-up": "\u25b2", "triangle-down": "\u25bc", star: "\u2605", hexagon: "\u2b22", pentagon: "\u2b1f" };
   const items = groups().map(group => [marks[group.symbol], group.name, `c-${group.colour}`]);
-  if (study.usable.some(usable => !usable)) items.push(["\u2715", "no usable motion", "c-ink"]);
+  if (study.usable.some((usable, place) => !usable && isAnswered(place))) items.push(["\u2715", "no usable motion", "c-ink"]);
+  if (!study.rows.every((_, place) => isAnswered(place))) items.push(["+", "without an answer", "c-ink"]);
   items.push(["\u25ef", "chosen with the slider", "c-ink"]);
   if (study.of > study.rows.length) items.push(["", `${study.rows.length} of ${study.of} points, evenly chosen`, "c-ink"]);
   element("key").replaceChildren(...items.map(([mark, words, kind]) => {
@@ -144,7 +147,7 @@ function fillKey() {
   }));
 }
 
-const hover = place => [...study.varied, "status", "amount"]
+const hover = place => [...study.varied, "status", "amount", ...(study.usable[place] ? [] : ["message"])]
   .map(name => `${plain(called(name))}: ${plain(shortened(reads(study.rows[place][study.columns.indexOf(name)])))}`).join("<br>");
 const shortened = text => (text.length > 60 ? `${text.slice(0, 57)}...` : text);
 
