@@ -157,7 +157,7 @@ class FacePieces(NamedTuple):
         return FacePieces(*(np.concatenate([mine[kept], new]) for mine, new in zip(self, halves, strict=True))), of
 
 
-class Rates(NamedTuple):
+class PoseDerivatives(NamedTuple):
     """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount.
 
     Attributes
@@ -271,7 +271,7 @@ class FacesApart:
             self._cut(pairs, small, np.zeros((2, len(pairs)), bool))
         return 0.0
 
-    def least_amount(self, rates: Rates, most: float, goal: float) -> float:
+    def least_amount(self, rates: PoseDerivatives, most: float, goal: float) -> float:
         """Return an amount below which no motion makes them touch, `goal` where it is no less.
 
         Two convex sets are apart by some plane whose normal u shows how far motions must go: the gap along u over what
@@ -280,7 +280,7 @@ class FacesApart:
 
         Parameters
         ----------
-        rates : Rates
+        rates : PoseDerivatives
             Of body 1, as the motion begins.
         most : float
             Of a motion with which they touch.
@@ -313,7 +313,7 @@ class FacesApart:
             pacing.check()
         return max(low, 0.0)
 
-    def _stay_within(self, pairs: Ints, rates: Rates, amount: float) -> tuple[Flags, Flags]:
+    def _stay_within(self, pairs: Ints, rates: PoseDerivatives, amount: float) -> tuple[Flags, Flags]:
         """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such motions.
 
         And of which a smaller piece may, as its corners are in it now.
@@ -485,7 +485,7 @@ def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints
 
 
 def _farthest_after(
-    corners: Array, errors: Array, farthest: Array, surface: Swept, rates: Rates, amount: float
+    corners: Array, errors: Array, farthest: Array, surface: Swept, rates: PoseDerivatives, amount: float
 ) -> Array:
     """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,).
 
@@ -551,7 +551,9 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
     return new
 
 
-def _separations(one: Array, two: Array, errors: Array, rates: Rates | None = None, goal: float = 0.0) -> Array:
+def _separations(
+    one: Array, two: Array, errors: Array, rates: PoseDerivatives | None = None, goal: float = 0.0
+) -> Array:
     """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these.
 
     The largest separation along some directions; with `rates`, of such pieces the amount below which they do not meet,

@@ -14,7 +14,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import true_faces
-from fcdm_opt.geometry.true_distance import MOST, FacesApart, Rates
+from fcdm_opt.geometry.true_distance import MOST, FacesApart, PoseDerivatives
 from fcdm_opt.problem.problem import Problem
 
 NEAR = 5e-5  # of the motion: so near to the touch it ends
@@ -84,7 +84,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     return min(found * float(problem.weights[0]), amount), whole
 
 
-def _rates(problem: Problem, bodies: list[Body]) -> Rates | None:
+def _rates(problem: Problem, bodies: list[Body]) -> PoseDerivatives | None:
     """Return how the motion begins, None where its steps are not all shifts, turns and screws about given lines."""
     motion = problem.motion
     if motion.along_seeds.any() or any(step.own_fixed_points is None for step in motion.steps):
@@ -95,7 +95,7 @@ def _rates(problem: Problem, bodies: list[Body]) -> Rates | None:
         return kinematics.rates(q)[1][:, :3] / problem.weights[:, None, None]
 
     first, second = at(np.zeros(count)), np.zeros((count, count, 3, 4))
-    rates = Rates(first, second)
+    rates = PoseDerivatives(first, second)
     if rates.spin:
         step = DIFFERENCE / rates.spin
         for k, ahead in enumerate(np.diag(step / problem.weights)):

@@ -17,7 +17,7 @@ from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
 from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
-from fcdm_opt.geometry.true_distance import FacesApart, Rates
+from fcdm_opt.geometry.true_distance import FacesApart, PoseDerivatives
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.model import apart_until
@@ -103,7 +103,8 @@ def test_a_flank_on_a_rod_was_named_twice_now_by_its_face_and_now_by_the_edge_of
     one, two = (usable(asked(jaw, rod, X >> Y, target=pair), effort="quick") for pair in made)
     for solution in (one, two):
         told = [own.in_words(*solution.problem.bodies[:2]) for own in solution.features]
-        assert sorted(told) == [f"face {k} of jaw, cylinder of radius 9.89949 of rod" for k in (3, 7)]
+        faces = ("face 3 (facing -x and +y)", "face 7 (facing +x and +y)")
+        assert sorted(told) == [f"{face} of jaw, cylinder of radius 9.89949 of rod" for face in faces]
     assert one.is_held_like(two)
 
 
@@ -275,7 +276,7 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     assert amount * (1.0 - 1e-4) <= low <= amount
     shifts = np.array([step.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3] for step in motion.steps])
     first = np.concatenate([np.zeros((len(shifts), 3, 3)), shifts[:, :, None]], axis=2)
-    rates = Rates(first, np.zeros((len(shifts), *first.shape)))
+    rates = PoseDerivatives(first, np.zeros((len(shifts), *first.shape)))
     apart = FacesApart(faces, 10_000)
     assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
 
