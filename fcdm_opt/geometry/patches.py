@@ -144,6 +144,11 @@ class TrueFaces:
             at = self._onto(own.tolist(), tip)
             self.tips[k] = at if norms(at - tip) <= room else tip
 
+    @property
+    def slack(self) -> float:
+        """How far points may be off the faces that they are on, for rounding and the digits of the body's file."""
+        return max(DEFAULT.tie * self.body.size, DIGITS * self.body.rounding)
+
     def moved(self, patches: Sequence[Patch], corners: Array) -> TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
@@ -235,7 +240,7 @@ class TrueFaces:
 
     def is_symmetric_about(self, point: Array, axis: Array) -> bool:
         """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
-        near = max(DEFAULT.tie * self.body.size, DIGITS * self.body.rounding)
+        near = self.slack
         for surface in (own.surface for own in self.patches):
             off = surface.origin - point
             centred = surface.flat or norms(off - (off @ axis) * axis) <= near

@@ -99,7 +99,7 @@ class FacePieces(NamedTuple):
         A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
         """
         there = ~self.in_holes(faces)
-        found, of, near = self.only(there), np.flatnonzero(there), DEFAULT.tie * faces.body.size
+        found, of, near = self.only(there), np.flatnonzero(there), faces.slack
         for plane, hole in faces.rims:
             rim = faces.patches[hole].surface
             for _ in range(LEVELS if plane in _encircling(faces, hole) else 0):
@@ -424,7 +424,7 @@ def _encircling(faces: TrueFaces, number: int) -> list[int]:
             cross(ends[:, 0], ends[:, 1]) @ faces.patches[other].surface.axis, dots(*np.moveaxis(ends, 1, 0))
         )
         least = _out(faces.corners[faces.owners == other].reshape(-1, 3), surface).min()
-        if np.abs(turns).sum() > TURN and least >= surface.radius - DEFAULT.tie * faces.body.size:
+        if np.abs(turns).sum() > TURN and least >= surface.radius - faces.slack:
             found.append(other)
     return found
 
