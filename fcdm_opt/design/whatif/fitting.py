@@ -82,7 +82,7 @@ def fits_up_to(problem: Problem) -> float | None:
     share = 1.0
     for moved in (lambda _: True, has_motion, usable):  # widths alone, then motions, then what the judge says of them
         if share > 0.0 and not fits(share, moved):
-            least = ACCURACY * share  # below it the share is none: what parts as drawn cannot do is known by one question
+            least = ACCURACY * share  # below it there is none: of parts that overlap as drawn one question tells
             fit = partial(fits, moved=moved)
             share = largest_share(fit, least, share, accuracy=ACCURACY)[0] if fit(least) else 0.0
     return share * float(problem.tolerance.max())
