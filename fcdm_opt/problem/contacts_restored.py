@@ -40,13 +40,29 @@ def touching_again(problem: Problem) -> Problem | None:
         and asked.round_contacts
     ):
         return None
-    known = {pair for own in asked.round_contacts for pair in own.pairs}
-    drawn, flat = [*asked.drawn.values()], flat_contacts(asked)
+    known, flat = {pair for own in asked.round_contacts for pair in own.pairs}, flat_contacts(asked)
     for feature in (joint.feature for joint in asked.chosen_joints if joint.feature not in flat):
-        both = (patches_of_element(body, own) for body, own in zip(drawn, (feature.one, feature.two), strict=True))
-        if not known.intersection(product(*both)):  # facets may touch where true faces overlap
+        if not known & _patches_met(asked, feature):  # facets may touch where true faces overlap
             return None
     return asked.to_touch()
+
+
+def unfollowed(problem: Problem) -> int:
+    """Return how many contacts of true faces there are as drawn whose facets do not touch: none of them is followed.
+
+    0 where some of the contacts as drawn were chosen.
+    """
+    asked = problem.of_facets
+    if len(asked.contacts) != len(asked.nominal_joints):
+        return 0
+    known = Pairs().union(*(_patches_met(asked, joint.feature) for joint in asked.chosen_joints))
+    return sum(not own.pairs & known for own in asked.round_contacts)
+
+
+def _patches_met(problem: Problem, feature: Feature) -> Pairs:
+    """Return each two patches of the bodies as drawn that a contact's elements are of."""
+    sides = zip(problem.drawn.values(), (feature.one, feature.two), strict=True)
+    return Pairs(product(*(patches_of_element(body, own) for body, own in sides)))
 
 
 def restores(problem: Problem, transform: Array) -> bool:

@@ -593,6 +593,10 @@ class Solution(Bounded):
     @property
     def _why_unknown(self) -> str:
         problem = self.problem
+        more = problem.contacts and imported("problem.contacts_restored:unfollowed")(problem)
+        if more:
+            what = "contact touches" if more == 1 else "contacts touch"
+            return f"{more} more {what} as drawn on round faces and not on their facets, which is not followed in turns"
         if problem.goal not in ("touch", "clear"):
             return f'goal "{problem.goal}" is about contacts as drawn, and what round faces do to them has no bound'
         if (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):

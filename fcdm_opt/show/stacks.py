@@ -34,7 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from fcdm_opt.design.stack.allocation import Allocation
     from fcdm_opt.design.stack.spread import GapYield
-    from fcdm_opt.design.stack.stack_up import SizeShare, StackUp
+    from fcdm_opt.design.stack.stack_up import RootSumSquare, SizeShare, StackUp
 
 MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
@@ -247,6 +247,16 @@ def commented_out_sizes(path: Path) -> str:
     return f"{words[0]}, commented out; take the # away before {words[1]}" if count else ""
 
 
+def another_decides(spread: RootSumSquare) -> str:
+    """Return that another contact than the one of the worst case decides in some pairs drawn; "" where none does."""
+    if spread.elsewhere < RARE:
+        return ""
+    return (
+        "root sum square takes one contact, that of the worst case, as normal; in "
+        f"{spread.elsewhere:.2%} of the pairs drawn another one decides, and the gap is that: trust the pairs drawn"
+    )
+
+
 def _print_yield(stack: StackUp, share: GapYield) -> None:
     """Print how many of the pairs drawn are within the limits."""
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
@@ -257,11 +267,8 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
             f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
     low, high = share.interval
-    if spread.elsewhere >= RARE:
-        print_text(
-            "root sum square takes one contact, that of the worst case, as normal; in "
-            f"{spread.elsewhere:.2%} of the pairs drawn another one decides, and the gap is that: trust the pairs drawn"
-        )
+    if note := another_decides(spread):
+        print_text(note)
     elif not low - RARE <= spread.share <= high + RARE:
         print_text("root sum square takes the gap as normal, which it is not: trust the pairs drawn")
     print_text()

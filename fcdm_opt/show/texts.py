@@ -257,7 +257,7 @@ def advised(case: SolvedCase) -> str:
     if not fits > 0.0 or table is None:
         return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
-    return f"{told} The parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+    return f"{told} {'As meshed, the' if of_mesh else 'The'} parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
 def _unfit(problem: Problem) -> str:

@@ -257,6 +257,8 @@ def _effect(solution: Solution) -> str:
         but = "but " * (state == "overlapping")
         scales = " and ".join(f"{scale:.6g}" for scale in solution.rho)
         return f"{then}{contact} at scales {scales}, those asked or beyond; {but}the parts made {made}"
+    if problem.resolution is not None and state == "apart":
+        return f"{then}{contact} but for {gap}, as near as whole steps come"
     settled = state == "touching" or problem.goal == "fit"
     return f"{then}{contact}" + ("" if settled else f"; the parts made {made}")
 

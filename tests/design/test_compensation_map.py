@@ -198,6 +198,12 @@ def test_what_has_no_map_is_refused():
 
 
 @pytest.mark.usefixtures("coarse_maps")
+def test_the_least_amount_of_a_region_was_that_of_its_nodes() -> None:
+    """The sizes as drawn, at which the parts touch, are in one of the regions, which said 7e-4 for 0."""
+    found = fo.compensation_map(fo.load_problems("problems/example1_touch.toml")[0])
+    assert min(region.amounts[0] for region in found.regions) == 0.0
+
+
 def test_the_picture_names_regions_and_corners():
     from fcdm_opt.show.maps import map_figure
 

@@ -251,6 +251,7 @@ def test_it_can_be_written_as_json(changes: dict[str, Any]) -> None:
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert data["changed"] == list(changes)
     assert Solution.from_dict(data["after"]).amount == pytest.approx(found.after.amount, abs=0.0, nan_ok=True)
+    assert str(type(found).from_dict(data)) == str(found)
     assert set(data["seconds"]) == {"before", "after", "prediction"}
 
 

@@ -59,6 +59,7 @@ Say = Callable[[str], None]
 TASKS = {"contact": "one contact", "curve": "the whole decision curve", "motion": "the smallest motion"}
 PARTS = (*TASKS, "growth", "models")
 SLACK = 10.0  # times what a contact may be off
+CLAIMED = 1e-6  # relative, and length units: what a claimed amount may be off
 ROUNDING = 1e-15
 """Errors that doubles cannot help."""
 
@@ -275,6 +276,8 @@ def motion_task(quick: bool, seed: int) -> ChartTask:
         seconds, judgement = timed(judged, scene.question(k), answer.q)
         if not judgement.usable:
             return Worth(failure=f"rejected by the judge: {judgement.status.value}")
+        if not math.isclose(answer.amount, judgement.amount, rel_tol=CLAIMED, abs_tol=CLAIMED):
+            return Worth(failure=f"claims the amount {answer.amount:.6g}, its motion costs {judgement.amount:.6g}")
         least, problem = cases[scene.name].least.amount, cases[scene.name].problem
         below = judgement.amount < least - SLACK * problem.contact_slack  # the judge lets a contact be so far off
         return Worth(abs(judgement.amount / least - 1.0), judging=seconds, below=below)

@@ -19,7 +19,7 @@ from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler,
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import Array, Flags, frozen
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import MotionClaims
@@ -380,10 +380,25 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
                 **vars(one),
                 share=float(sizes[members].sum() / sizes.sum()),
                 place=frozen(table.corners[members[np.argmax(sizes[members])]].mean(axis=0)),
-                amounts=(max(float(finite.min()), 0.0), float(finite.max())) if len(finite) else (math.nan, math.nan),
+                amounts=(_least(table, members), float(finite.max())) if len(finite) else (math.nan, math.nan),
             )
         )
     return tuple(regions)
+
+
+def _least(table: Table, members: Ints) -> float:
+    """Return the least amount over some simplices, by their nodes and what is between any two of them: 0 is there."""
+    values = table.values[members]
+    least = max(float(np.nanmin(np.where(np.isfinite(values[..., 0]), values[..., 0], np.nan))), 0.0)
+    if not table.weights:
+        return least
+    q = values[..., 1:] * np.asarray(table.weights)
+    one, two = np.triu_indices(q.shape[1], 1)
+    start, step = q[:, one], q[:, two] - q[:, one]
+    share = -(start * step).sum(axis=-1) / np.maximum((step**2).sum(axis=-1), SMALLEST)
+    between = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[..., None] * step, axis=-1)
+    found = min(least, float(between[np.isfinite(between)].min(initial=least)))
+    return found if found > np.nanmax(table.errors[members, 0], initial=0.0) else 0.0
 
 
 def _boundaries(mesh: RefinedMesh, sets: Sequence[ActiveSet]) -> list[Boundary]:

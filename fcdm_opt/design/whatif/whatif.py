@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -19,9 +19,10 @@ from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded
+from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -74,6 +75,15 @@ class WhatIf(Plain, NotebookRepr):
     def differences(self) -> tuple[Difference, ...]:
         """What changed in the answer: parameters, amount, bound, status, features, what holds it, target pair."""
         return tuple(_differences(self.before, self.after))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild from `to_dict`; raises `InputError`."""
+        sides = dict(data)
+        for side in ("before", "after"):
+            if isinstance(own := data.get(side), Mapping):
+                sides[side] = (AssemblySolution if "assembly" in own else Solution).from_dict(own)
+        return super().from_dict(sides)
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and predicted."""

@@ -56,7 +56,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.judge.certificate import verify
-    from fcdm_opt.show.stacks import contributions_of, stack_notes
+    from fcdm_opt.show.stacks import another_decides, contributions_of, stack_notes
 
     if not scene.sizes:
         return None
@@ -65,6 +65,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
             shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
+            notes += filter(None, [another_decides(spread)])
             failed = ", ".join(own.name for own in verify(found).failed)
             notes = [f"NOT VERIFIED, do not use it: failed {failed}"] * bool(failed) + notes
     except (InputError, pacing.TimeOverError) as reason:
