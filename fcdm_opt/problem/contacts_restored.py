@@ -62,7 +62,8 @@ def unfollowed(problem: Problem) -> int:
 def _patches_met(problem: Problem, feature: Feature) -> Pairs:
     """Return each two patches of the bodies as drawn that a contact's elements are of."""
     sides = zip(problem.drawn.values(), (feature.one, feature.two), strict=True)
-    return Pairs(product(*(patches_of_element(body, own) for body, own in sides)))
+    one, two = (patches_of_element(body, own) for body, own in sides)
+    return {*product(one, two)}
 
 
 def restores(problem: Problem, transform: Array) -> bool:
