@@ -227,7 +227,8 @@ def _in_order(made: Body, body: Body) -> tuple[ConvexPart, ...]:
 def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
     """Return which faces of a body are of each surface: their corners are on it. None where one is of none.
 
-    Of several surfaces, as of a cone at a plane's rim, that which looks most as the face does.
+    Of several surfaces, as of a cone at a plane's rim, that which looks most as the face does; of a bore and a flat in
+    it, whose corners are on both, the plane.
     """
     looks, found = made.face_planes[0], [list[int]() for _ in surfaces]
     on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * made.size for own in surfaces])
@@ -236,6 +237,6 @@ def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
         middle, there = made.vertices[rows].mean(axis=0)[None], np.flatnonzero(on[:, rows].all(axis=1)).tolist()
         if not there:
             return None
-        alike = [abs(surfaces[k].misses(middle)[1][0] @ looks[face]) for k in there]
+        alike = [abs(surfaces[k].misses(middle)[1][0] @ looks[face]) + DEFAULT.snap * surfaces[k].flat for k in there]
         found[there[int(np.argmax(alike))]].append(face)
     return found
