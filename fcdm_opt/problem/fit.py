@@ -74,10 +74,10 @@ def _walls_of(drawn: tuple[Body, Body], nominal: tuple[float, float], most: floa
     pairs = np.column_stack([own[pairs[:, k]] for k, own in enumerate(kept)])
     gaps = rows[:, 5] - rows[:, 3:5] @ nominal
     walls = gaps >= -slack
-    hair = np.flatnonzero(~walls & (gaps >= -HAIR * min(movable.size, static.size)))
-    walls[hair] = True
+    walls |= gaps >= -HAIR * min(movable.size, static.size)
+    near_walls = np.flatnonzero(walls)  # where more of a body is behind, another of its parts, or nothing, is the wall
     for body, side, own in ((movable, 1.0, pairs[:, 0]), (static, -1.0, pairs[:, 1])):
-        walls[hair] &= ~_cut([body.parts[k] for k in own[hair].tolist()], side * rows[hair, :3], body)
+        walls[near_walls] &= ~_cut([body.parts[k] for k in own[near_walls].tolist()], side * rows[near_walls, :3], body)
     return rows[walls, :3], pairs[walls]
 
 

@@ -823,3 +823,33 @@ def test_a_pin_that_turns_about_its_own_axis_was_said_to_touch_its_bore(motion: 
     assert found.status.name == "NOT_FOUND"
     assert not found.usable
     assert "the only motion found brings facets together, and no true round faces" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("made", "goal", "along_y"),
+    [({"flat": -0.08}, "clear", -0.03), ({"flat": -0.03}, "touch", 0.02), ({"bore": 0.01}, "touch", 0.05)],
+)
+def test_a_flat_in_a_bore_was_taken_for_the_bore_at_other_sizes(
+    made: dict[str, float], goal: str, along_y: float
+) -> None:
+    """A shaft of radius 8 with a flat at 6 in a hub of 8.05 and 6.05: all corners of its flat lie on the bore."""
+    shaft = fo.cut(fo.Cylinder(8, 40, base=(0, 0, -10)), fo.Box((40, 14, 80), centre=(0, 13, 10)))
+    plug = fo.cut(fo.Cylinder(8.05, 40, base=(0, 0, -10)), fo.Box((40, 14, 80), centre=(0, 13.05, 10)))
+    hub = fo.cut(fo.Cylinder(16, 20), plug)
+    sizes = [
+        fo.Size("flat", "static", faces={"through": (0, 6.05, 10)}, each=-1.0, tolerance=(-0.1, 0.04)),
+        fo.Size("bore", "static", faces="bore radius 8.05", each=-0.5, tolerance=(-0.02, 0.03)),
+    ]
+    solution = usable(fo.Problem(shaft, hub, sizes=sizes, made=made, goal=goal, motion=fo.Translation("y")))
+    assert [*solution.parameters.values()] == pytest.approx([along_y], abs=1e-9)
+
+
+def test_a_hole_through_two_plates_was_taken_for_a_pin_in_its_bore() -> None:
+    """Convex parts of the plates, one on the other, are apart along x as well; a dowel asks for the shift alone."""
+    hole = fo.Cylinder(12, 60, base=(0, 0, -30))
+    cover = fo.cut(fo.Box((80, 80, 10), centre=(0, 0, 5)), hole, fo.Cylinder(3.9, 30, base=(30, 0, -5)))
+    base = fo.joined(fo.cut(fo.Box((80, 80, 10), centre=(0, 0, -5)), hole), fo.Cylinder(3, 8, base=(30, 0, -1)))
+    bodies = (body.with_seed(np.zeros(3)) for body in (cover, base))
+    asked_c = fo.Problem(*bodies, motion=X >> Y >> Z, tolerance=0.02, requirement="C", goal="clear")
+    solution = usable(asked_c)
+    assert solution.amount == pytest.approx(30 * 0.04 - (3.9 * 0.98 - 3 * 1.02), abs=1e-9)
