@@ -27,6 +27,7 @@ from fcdm_opt.show.texts import (
     outcome_text,
     share_text,
     steps_text,
+    telling,
     units_text,
 )
 from fcdm_opt.show.verdict import (
@@ -237,7 +238,8 @@ def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> st
     """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
-    starts = [steps_text(problem, (span.low * direction).tolist()) for span in seen[1:]]
+    places = [telling(problem, (span.low * direction).tolist()) for span in seen[1:]]
+    starts = [steps_text(problem, q) if any(q) else "rest" for q in places]
     return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
 
 
