@@ -25,7 +25,7 @@ SHARE = 0.2  # of the distance: by so much the bound may fall short of it
 LEVELS = 40  # of cuts
 MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
-HALVINGS = 60
+HALVINGS = 60  # of a side, to where it crosses a rim
 LITTLE = 0.1  # of what is open
 CHUNK = 16_384  # pairs of pieces whose motions are looked at together
 SURELY = 1.0 + 1e-6  # what is rounded: a hundred times what second derivatives by differences are off
@@ -304,9 +304,7 @@ class FacesApart:
                 return goal
             low = float(lows[least])
             coarse = missed[least] + rates.spin * goal * float(norms(np.ptp(one[least], axis=0)))
-            if self.remaining < 0 or (
-                rates.spin and coarse < LITTLE * (goal - low) * far
-            ):  # smaller pieces show no more
+            if self.remaining < 0 or (rates.spin and coarse < LITTLE * (goal - low) * far):  # no more by smaller ones
                 break
             self._nearest = self._nearest[near]
             self._cut(self._nearest, (most - goal) * far, may[:, near])

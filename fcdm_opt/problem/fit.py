@@ -53,8 +53,8 @@ def drawn_bodies(problem: Problem) -> tuple[Body, Body]:
 def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     """Return how part pairs keep apart as drawn: normals, (k, 3), and which they are, (k, 2).
 
-    Of each pair the facet direction of its largest separation at the nominal sizes; of pairs that overlap there by more
-    than a hair, none, nor of those that bounds tell to be further apart than twice `most`.
+    Of each pair the facet direction of its largest separation at the nominal sizes. None of pairs that overlap there by
+    more than a hair, that bounds tell to be further apart than twice `most`, or where one of the facets is but a cut.
     """
     drawn = drawn_bodies(problem)
     alike = 2.0 ** np.ceil(np.log2(most)) if 0.0 < most < np.inf else most  # so that like questions share the answer
