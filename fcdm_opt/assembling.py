@@ -28,7 +28,7 @@ from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.contacts_restored import RESTORED, restoring_shift, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
@@ -204,7 +204,7 @@ class _Solving:
         exchanges = [own for own in rounds if own is not None]
         if len(exchanges) < len(group) or (assembly := self._assembly).amount != "weighted":
             return None
-        if (found := restoring_shift(asked)) is None:
+        if (found := restoring_motion(asked)) is None:
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size

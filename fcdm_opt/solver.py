@@ -32,11 +32,12 @@ from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.contacts_restored import RESTORED, restores, restoring_shift, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, restores, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import EFFORTS, IMPOSSIBLE, Bounded, Effort, Solution, Status
+from fcdm_opt.proof.uniqueness import least_restoring
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.contact_system import check_uniqueness, proof_of
@@ -193,12 +194,12 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if not has_round_faces(problem):
         return None
     if (touching := touching_again(problem)) is not None:
-        found = None if how.certify else _restored(problem, touching)  # which has no evidence
+        found = None if how.certify else _restored(problem, touching, how)  # which has no evidence
         if found is not None and found.lower_bound >= found.amount:
             return found
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
-        return found if again else _restored(problem, touching)
+        return found if again else _restored(problem, touching, how)
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
@@ -218,15 +219,19 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     return None
 
 
-def _restored(problem: Problem, touching: Problem) -> Solution | None:
-    """Return the least shift that restores contacts of true faces; None where none is found that can be used."""
-    found = pacing.in_time(restoring_shift, [problem], late=None)
+def _restored(problem: Problem, touching: Problem, how: _How) -> Solution | None:
+    """Return the least motion that restores contacts of true faces; None where none is found that can be used."""
+    found = pacing.in_time(restoring_motion, [problem], late=None)
     if found is None or found.q is None or (exchange := Exchange.of(touching)) is None:
         return None
     exchange.add(found.points[0])
     asked = exchange.problem
     task = Task.of(asked)
-    answer = Answer(Status.SOLVED, found.q, RESTORED, min(found.bound, task.amount(found.q)))
+    amount = task.amount(found.q)
+    bound = (
+        found.bound if problem.motion.shifts or how.effort == "quick" else least_restoring([problem], found.q, amount)
+    )
+    answer = Answer(Status.SOLVED, found.q, RESTORED, min(bound, amount))
     solution, certificate = judged(reported(asked, task, answer))
     solution = solution.with_certificate(certificate, solution.seconds)
     return solution if solution.usable else None  # as where a keep-out is in the way

@@ -193,7 +193,7 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
 
     if not (problems and isfinite(amount)):
         return False
-    round_ones = [own for own in problems if q is not None and touching_again(own) is not None]
+    round_ones = [own for own in problems if q is not None and own.motion.shifts and touching_again(own) is not None]
     if round_ones and q is not None and _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement):
         return True
     own, weights = problems[0].amount, problems[0].weights

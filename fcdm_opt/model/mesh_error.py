@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
 from fcdm_opt.model.true_faces import where_nearest
-from fcdm_opt.problem.contacts_restored import restoring_shift, touching_again
+from fcdm_opt.problem.contacts_restored import restoring_motion, touching_again
 from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -150,7 +150,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
 
 def cannot_be_restored(problem: Problem) -> bool:
     """Tell whether no shift closes the gaps of all true faces that touch as drawn."""
-    found = None if touching_again(problem) is None else restoring_shift([problem])
+    found = None if touching_again(problem) is None else restoring_motion([problem])
     return found is not None and found.q is None
 
 

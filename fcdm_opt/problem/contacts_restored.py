@@ -1,4 +1,4 @@
-"""Contacts as drawn of round parts: the least shift that restores them."""
+"""Contacts as drawn of round parts: the least motion that restores them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of, is_plane_there
 from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, patches_of_element, true_faces
+from fcdm_opt.problem.balls_on_planes import BallOnPlane, balls_of, corners_on_plane
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 RESTORED = "1: linear equations of the contacts of true faces"
 ROUNDS = 10  # of Newton's method: one where a face of each pair that meets is plane
+MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
 Pairs = set[tuple[int, int]]
@@ -35,9 +37,9 @@ def touching_again(problem: Problem) -> Problem | None:
     if not (
         asked.goal in ("at", "seat")
         and len(asked.contacts) == len(asked.nominal_joints)
-        and asked.motion.shifts
         and asked.resolution is None
         and asked.round_contacts
+        and (asked.motion.shifts or contact_balls(asked))
     ):
         return None
     known, flat = {pair for own in asked.round_contacts for pair in own.pairs}, flat_contacts(asked)
@@ -59,6 +61,19 @@ def unfollowed(problem: Problem) -> int:
     return sum(not own.pairs & known for own in asked.round_contacts)
 
 
+def contact_balls(problem: Problem) -> list[BallOnPlane]:
+    """Return the balls on planes that contacts as drawn of round parts are; none where one of them is not of such."""
+    asked, found = problem.of_facets, list[BallOnPlane]()
+    if not asked.round_contacts:
+        return found
+    drawn, made = [*asked.drawn.values()], [*asked.bodies_made.values()]
+    if any(len(true_faces(x).patches) != len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True)):
+        return found
+    each = [balls_of(own, drawn, made, asked.nominal_pair, asked.target) for own in asked.round_contacts]
+    each += [corners_on_plane(own, made, asked.target) for own in flat_contacts(asked)]
+    return [ball for balls in each for ball in balls] if all(each) else found
+
+
 def _patches_met(problem: Problem, feature: Feature) -> Pairs:
     """Return each two patches of the bodies as drawn that a contact's elements are of."""
     sides = zip(problem.drawn.values(), (feature.one, feature.two), strict=True)
@@ -78,8 +93,8 @@ def restores(problem: Problem, transform: Array) -> bool:
     return closed and bool(before) and all(own & Pairs().union(*after) for own in before)
 
 
-class RestoringShift(NamedTuple):
-    """The least shift after which true faces that touch as drawn touch again.
+class RestoringMotion(NamedTuple):
+    """The least motion after which true faces that touch as drawn touch again.
 
     Attributes
     ----------
@@ -88,7 +103,8 @@ class RestoringShift(NamedTuple):
     points : list of list of NearestPoints
         Of each question where they touch then.
     bound : float
-        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these.
+        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these. 0 of
+        motions that turn.
     nearest : (k,) array or None
         Without one, the motion parameters at which the squares of all gaps are least.
     remaining : tuple of arrays
@@ -102,10 +118,11 @@ class RestoringShift(NamedTuple):
     remaining: tuple[Array, ...] = ()
 
 
-def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
-    """Return the least shift that restores the contacts as drawn of questions that `touching_again` answers.
+def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
+    """Return the least motion that restores the contacts as drawn of questions that `touching_again` answers.
 
-    By Newton's method on their gaps, the least step of all that close them. None where it is not found.
+    By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
+    which no smaller one does. None where it is not found.
 
     Parameters
     ----------
@@ -116,11 +133,19 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
     first, before = asked[0], [_met_as_drawn(own) for own in asked]
     if not all(before) or any(own.amount != "weighted" for own in asked):
         return None
+    turns = not all(own.motion.shifts for own in asked)
+    every = [contact_balls(own) if turns else [] for own in asked]
     y = np.zeros(len(first.weights))
-    for _ in range(ROUNDS):
+    for _ in range(MORE_ROUNDS if turns else ROUNDS):
         q, points, rows = y / first.weights, list[list[NearestPoints]](), list[tuple[float, Array, bool]]()
-        ends = list[int]()
-        for own, met in zip(asked, before, strict=True):
+        ends, poses = list[int](), list[Array]()
+        for own, met, balls in zip(asked, before, every, strict=True):
+            if turns:
+                pose, rates = own.motion.kinematics(own.movable.seed, own.static.seed).rates(q)
+                gaps_of_balls = (ball.gap(pose, rates) for ball in balls)
+                rows += [(gap, slopes / first.weights, False) for gap, slopes in gaps_of_balls]
+                poses.append(pose)
+                continue
             pose = own.motion.transform(q, own.movable.seed, own.static.seed)
             points.append(_nearest(own, met, pose))
             if not points[-1]:
@@ -130,16 +155,18 @@ def restoring_shift(asked: Sequence[Problem]) -> RestoringShift | None:
             rows += [(gap, shifts @ n, True) for gap, n in (_plane_gap(own, each, pose) for each in flat_contacts(own))]
             ends.append(len(rows))
         gaps, slopes, plane = (np.array(each) for each in zip(*rows, strict=True))
-        if np.abs(gaps).max() <= min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch:
+        further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
+        near = min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch
+        if np.abs(gaps).max() <= near and (not turns or np.abs(further - y).max() <= DEFAULT.tie * first.size):
             inside = (first.limits[:, 0] <= q) & (q <= first.limits[:, 1])
             held = slopes[plane]
             bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
-            return RestoringShift(q, points, bound) if inside.all() else None
-        further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
+            points = [_nearest(*each) for each in zip(asked, before, poses, strict=True)] if turns else points
+            return RestoringMotion(q, points, bound) if inside.all() and all(points) else None
         remaining = gaps + slopes @ (further - y)
-        if np.abs(remaining).max() > max(own.contact_slack for own in asked):
+        if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):
             each = tuple(np.split(remaining, ends[:-1]))
-            return RestoringShift(None, points, np.inf, further / first.weights, each) if plane.all() else None
+            return RestoringMotion(None, points, np.inf, further / first.weights, each) if plane.all() else None
         y = further
     return None
 

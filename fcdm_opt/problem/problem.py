@@ -27,7 +27,7 @@ from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.resizing import fit_for_sizes, resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, signed, unit_of
-from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.active_parts import AROUND, Indices, active_bodies
@@ -338,10 +338,11 @@ class Problem(NominalContact, Scene, NotebookRepr):
 
     @cached_property
     def touches_between_facets(self) -> bool:
-        """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do, and only shift."""
+        """Whether goal "at" or "seat" is about round parts that touch as drawn where no facets do; `touching_again`."""
         asked = self.goal in ("at", "seat") and not self.contacts and self.nominal_contact is None
-        shifted = self.motion.shifts and self.resolution is None and self.amount == "weighted"
-        return asked and shifted and bool(self.round_contacts)
+        if not asked or self.resolution is not None or self.amount != "weighted" or not self.round_contacts:
+            return False
+        return self.motion.shifts or bool(imported("problem.contacts_restored:contact_balls")(self))
 
     @cached_property
     def round_contacts(self) -> list[TrueContact]:

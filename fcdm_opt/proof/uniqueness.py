@@ -18,6 +18,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.problem.contacts_restored import contact_balls
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.conditions import separation
 from fcdm_opt.proof.intervals import Interval, cross, numbers_of
@@ -28,6 +29,7 @@ PIECES, NARROWED = 400, 0.7  # that are looked at, and of a longest side, above 
 DETERMINED = 0.1  # of a parameter, by the equations, from which on they narrow it by itself
 ROUNDING = 1e-12  # of the size: more than corners as made are off where they ought to be
 MOST_BOXES = 4000  # in which equations are shown to disagree
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
 Equation = tuple[int, list[Interval]]  # a `separation` that is 0: its kind, and what is given
@@ -83,6 +85,12 @@ def least_amount(problems: Problems, tried: Array) -> float:
         middle = last - 1 if last == len(tried) else (first + last) // 2  # the largest first: nearly always it does
         first, last = (middle + 1, last) if _none_below(problems, float(tried[middle])) else (first, middle)
     return float(tried[first - 1]) if first else 0.0
+
+
+def least_restoring(problems: Problems, q: Array, amount: float) -> float:
+    """Return what motions that restore the contacts come to at least, as far as is shown, of one that does."""
+    bound = min(widest_unique(problems, q), amount)
+    return bound if bound >= amount else max(bound, least_amount(problems, amount * np.array(SHARES)))
 
 
 @np.errstate(all="ignore")
@@ -209,11 +217,8 @@ class _Equations:
     """The equations of all contacts of some problems, in order."""
 
     def __init__(self, problems: Problems) -> None:
-        self._own = [
-            (_motion(problem), [own for feature in problem.contacts for own in _equations(problem, feature)])
-            for problem in problems
-            if problem.contacts
-        ]
+        every = ((problem, [*_equations_of(problem)]) for problem in problems)
+        self._own = [(_motion(problem), equations) for problem, equations in every if equations]
         self.count = sum(len(equations) for _, equations in self._own)
 
     def centred(self, boxes: Boxes) -> Interval:
@@ -255,6 +260,19 @@ def _independent(slopes: Array, count: int) -> list[int]:
     diagonal = np.abs(np.diag(R))
     kept: list[int] = order[: len(diagonal)][diagonal > DEFAULT.nominal].tolist()
     return sorted(kept[:count])
+
+
+def _equations_of(problem: Problem) -> Iterator[Equation]:
+    """Yield the equations of a problem's contacts, of round parts as balls on planes."""
+    balls = [] if problem.motion.shifts else contact_balls(problem)
+    for feature in () if balls else problem.contacts:
+        yield from _equations(problem, feature)
+    none, seeds = Interval(np.zeros(3), np.zeros(3)), (problem.movable.seed, problem.static.seed)
+    for ball in balls:
+        n, radius = Interval(ball.normal, np.zeros(3)), Interval(ball.radius)
+        place = Interval(ball.place) - seeds[ball.holder] + radius * n
+        point = Interval(ball.centre) - seeds[1 - ball.holder]
+        yield (V1F2, numbers_of(n, none, point, place)) if ball.holder else (F1V2, numbers_of(n, none, place, point))
 
 
 def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:

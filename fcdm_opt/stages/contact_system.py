@@ -34,7 +34,15 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
-from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import (
+    SHARES,
+    equations_at,
+    excluded,
+    least_amount,
+    least_restoring,
+    unique,
+    widest_unique,
+)
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
 from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
 from fcdm_opt.stages.separating_directions import Linearised
@@ -52,7 +60,6 @@ SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known 
 OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
-SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
 MOST_PAIRS = 2000  # of convex parts; with more, why there is no motion takes longer than it is worth
@@ -151,9 +158,7 @@ def all_at_once(
     joined = [problem for problem in problems if problem.contacts]
     bound = amount if least_z >= np.linalg.norm(z) else min(bound, amount)
     if prove and bound < amount and joined:
-        bound = max(bound, min(widest_unique(joined, q), amount))
-        if bound < amount:
-            bound = max(bound, least_amount(joined, amount * np.array(SHARES)))
+        bound = max(bound, least_restoring(joined, q, amount))
     if not asked.weighted:
         other, _ = least([System.of(task) for task in tasks])
         q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)

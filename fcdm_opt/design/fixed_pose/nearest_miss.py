@@ -19,7 +19,7 @@ from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
 from fcdm_opt.model.true_faces import Exchange
-from fcdm_opt.problem.contacts_restored import flat_contacts, restoring_shift, touching_again
+from fcdm_opt.problem.contacts_restored import flat_contacts, restoring_motion, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 
@@ -114,7 +114,7 @@ def _between(movable: Body, static: Body, met: NearestPoints) -> str:
 
 def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
     """Return the shift at which contacts of true faces as drawn lack least, and what lacks there, worst first."""
-    found, asked = restoring_shift([problem]), problem.of_facets
+    found, asked = restoring_motion([problem]), problem.of_facets
     if found is None or found.nearest is None:
         return np.zeros(len(problem.limits)), []
     movable, static = asked.bodies_made.values()
