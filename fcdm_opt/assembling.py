@@ -32,6 +32,7 @@ from fcdm_opt.problem.contacts_restored import RESTORED, restoring_motion, touch
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
+from fcdm_opt.proof.uniqueness import least_restoring
 from fcdm_opt.stages.contact_system import all_at_once
 from fcdm_opt.tolerances import DEFAULT
 
@@ -216,7 +217,8 @@ class _Solving:
         for own, points in zip(exchanges, found.points, strict=True):
             own.add(points)
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
-        bound = min(found.bound, amount)
+        known = not self._prove or all(own.motion.shifts for own in asked)
+        bound = min(found.bound if known else least_restoring(asked, found.q, amount), amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
         met = self._moved(group, parts, [own.problem for own in exchanges], answer)
         return met._replace(open_=(bound, amount))

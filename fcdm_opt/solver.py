@@ -194,12 +194,14 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if not has_round_faces(problem):
         return None
     if (touching := touching_again(problem)) is not None:
-        found = None if how.certify else _restored(problem, touching, how)  # which has no evidence
-        if found is not None and found.lower_bound >= found.amount:
-            return found
+        known = _restored(problem, touching, how) if not problem.motion.shifts or not how.certify else None
+        if known is not None and known.lower_bound >= known.amount * (1.0 - DEFAULT.nominal):
+            return known
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
-        return found if again else _restored(problem, touching, how)
+        if again and (known is None or found.amount < known.amount * (1.0 - DEFAULT.requirement)):
+            return found
+        return known or _restored(problem, touching, how)
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
