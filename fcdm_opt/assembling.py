@@ -32,8 +32,7 @@ from fcdm_opt.problem.contacts_restored import RESTORED, restoring_motion, touch
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
-from fcdm_opt.proof.uniqueness import least_restoring
-from fcdm_opt.stages.contact_system import all_at_once
+from fcdm_opt.stages.contact_system import all_at_once, least_restoring
 from fcdm_opt.tolerances import DEFAULT
 
 EXCLUDED = "true faces that touch as drawn cannot all touch again"

@@ -37,10 +37,9 @@ from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import EFFORTS, IMPOSSIBLE, Bounded, Effort, Solution, Status
-from fcdm_opt.proof.uniqueness import least_restoring
 from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
-from fcdm_opt.stages.contact_system import check_uniqueness, proof_of
+from fcdm_opt.stages.contact_system import check_uniqueness, least_restoring, proof_of
 from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.tolerances import DEFAULT
@@ -194,14 +193,13 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if not has_round_faces(problem):
         return None
     if (touching := touching_again(problem)) is not None:
-        known = _restored(problem, touching, how) if not problem.motion.shifts or not how.certify else None
-        if known is not None and known.lower_bound >= known.amount * (1.0 - DEFAULT.nominal):
+        turns = not problem.motion.shifts
+        known = _restored(problem, touching, how) if turns or not how.certify else None  # which has no evidence
+        if known is not None and (turns or known.lower_bound >= known.amount):
             return known
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
-        if again and (known is None or found.amount < known.amount * (1.0 - DEFAULT.requirement)):
-            return found
-        return known or _restored(problem, touching, how)
+        return found if again else _restored(problem, touching, how)
     asked = problem
     for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)

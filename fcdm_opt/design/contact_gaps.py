@@ -145,7 +145,8 @@ class ContactGaps:
                     _Line(k, joint.feature, line, _moves(relation, task, line) if own else _STILL)
                     for line in _lines(task, joint)
                 ]  # fmt: skip
-            self.lines += [line for n, line in enumerate(rounds) if n in chosen or not relation.contacts]
+            every = not relation.contacts or len(relation.contacts) == len(relation.nominal_joints)
+            self.lines += [line for n, line in enumerate(rounds) if n in chosen or every]
             self.tasks.append(task)
 
     def transforms(self, q: Array) -> list[Array]:

@@ -324,7 +324,8 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     A triangle stands for what a face of a source in its plane does. Where facets cut each other, corners come to lie on
     these alone, beside the curve in which the true faces meet.
     """
-    normals = unit_normals(points[triangles])
+    with np.errstate(invalid="ignore"):  # triangles without area stand for nothing
+        normals = unit_normals(points[triangles])
     levels = (normals * points[triangles[:, 0]]).sum(axis=1)
     near = DEFAULT.nominal * float(norms(np.ptp(points, axis=0)))
     middles = points[triangles].mean(axis=1)

@@ -24,7 +24,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.problem.balls_on_planes import BallOnPlane
+from fcdm_opt.problem.balls_on_faces import BallOnFace
 from fcdm_opt.problem.contacts_restored import contact_balls
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
@@ -189,7 +189,9 @@ def gaps_of_parts(problem: Problem) -> Iterator[tuple[bool, Array, Array]]:
 
 
 def _contacts(problems: Sequence[Problem]) -> bool:
-    return any(problem.contacts or contact_balls(problem) for problem in problems)
+    return any(
+        problem.contacts or any(ball.plane or ball.about for ball in contact_balls(problem)) for problem in problems
+    )
 
 
 class _Restored:
@@ -308,16 +310,24 @@ def _independent(slopes: Array) -> list[int]:
 def equations(problem: Problem, T: Any, origin: Array) -> list[Any]:
     """Return what is 0 where all contacts, or those tracked, are closed by a motion T, in CasADi, from an origin."""
     if balls := [] if problem.motion.shifts else contact_balls(problem):
-        return [_off_plane(ball, T, origin) for ball in balls]
+        return [row for ball in balls for row in _off_face(ball, T, origin)]
     features = problem.contacts or problem.tracked_features
     return [row for feature in features for row in _equations(problem, feature, T, origin)]
 
 
-def _off_plane(ball: BallOnPlane, T: Any, origin: Array) -> Any:
-    """Return the distance of a ball of one part from a plane of the other, one of them moved."""
-    R, t, centre, place = T[:3, :3], T[:3, 3], ball.centre - origin, ball.place - origin
-    off = R @ centre + t - place if ball.holder else R.T @ (centre - t) - place
-    return off.T @ ball.normal - ball.radius
+def _off_face(ball: BallOnFace, T: Any, origin: Array) -> Iterator[Any]:
+    """Yield how far the centre of a ball is from where a face has it, one of them moved; nothing of other faces."""
+    import casadi
+
+    R, t, centre = T[:3, :3], T[:3, 3], ball.centre - origin
+    there = R @ centre + t if ball.holder else R.T @ (centre - t)
+    if ball.plane is not None:
+        place, normal = ball.plane
+        yield (there - (place - origin)).T @ normal
+    elif ball.about is not None:
+        place, along, s = ball.about
+        off = there - (place - origin)
+        yield (casadi.dot(off, off) - (off.T @ along) ** 2 - s * s) / (2.0 * s)
 
 
 def _equations(problem: Problem, feature: Feature, T: Any, origin: Array) -> Iterator[Any]:

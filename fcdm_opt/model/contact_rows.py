@@ -29,6 +29,8 @@ from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real, motion_values
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
+from fcdm_opt.problem.balls_on_faces import BallOnFace
+from fcdm_opt.problem.contacts_restored import contact_balls, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -207,7 +209,7 @@ def contact_rows(problem: Problem | Assembly, at: Any = None, *, within: float |
         within=np.inf if within is None else within,
         motion=moved,
         motions={problem.movable.name: moved},
-        contacts=_contacts(task, q, nearest, seeds),
+        contacts=_contacts(problem, task, q, nearest, seeds),
         alignments=_alignments(task, seeds),
         switching_point=_switching_point(task, seeds),
         clearances=tuple(_clearance(task, parts, q, normal, seeds) for parts, (_, normal) in nearest.items()),
@@ -281,10 +283,18 @@ def _aside(normal: Array, one: Array, two: Array) -> float:
     return float(np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0)).max(initial=0.0))
 
 
-def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
+def _contacts(
+    problem: Problem, task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
+) -> tuple[ContactRow, ...]:
     features, bodies = (*task.tracked, *task.untracked), (task.movable, task.static)
     asked = {"beyond": "see the switching point", FIT: "0 <= gap <= t"}.get(task.goal, "gap = 0")
-    names = [_meeting(task, feature) for feature in features]
+    balls = contact_balls(problem) if touching_again(problem) is not None else []
+    planes = [own for own in (ball.plane for ball in balls) if own is not None]
+    if balls and len(planes) == len(balls):
+        features = tuple(_as_points(problem, *each) for each in zip(balls, planes, strict=True))
+    else:
+        balls = []
+    names = [ball.feature for ball in balls] or [_meeting(task, feature) for feature in features]
     if not features:
         asked = "least gap = 0" if task.must_touch else f"gap >= {task.need:g}"
         rotation, count = task.pose(q)[:9].reshape(3, 3), len(task.static.parts)
@@ -304,6 +314,19 @@ def _contacts(task: Task, q: Array, nearest: Nearest, seeds: Mapping[str, Array]
         )
         for name, feature in zip(names, features, strict=True)
     )
+
+
+def _as_points(problem: Problem, ball: BallOnFace, at: tuple[Array, Array]) -> FeaturePoints:
+    """Return a ball on a plane as its centre on a face that is a radius nearer, both as drawn."""
+    place, normal = at
+    across = np.linalg.svd(normal[None])[2][1:]
+    across[1] = np.cross(normal, across[0])
+    plane, centre = np.vstack([place, place + problem.size * across]), ball.centre[None]
+    each = [plane, centre] if ball.holder == 0 else [centre, plane]
+    seeds = problem.movable.seed, problem.static.seed
+    drawn = [seed + (own - seed) / scale for own, seed, scale in zip(each, seeds, problem.target, strict=True)]
+    kind, sign = (F1V2, 1.0) if ball.holder == 0 else (V1F2, -1.0)
+    return FeaturePoints(kind, np.vstack(drawn).T, sign, (0, 0), (kind, 0, 0))
 
 
 def _meeting(task: Task, points: FeaturePoints) -> Feature:

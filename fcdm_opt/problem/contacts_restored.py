@@ -13,7 +13,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of, is_plane_there
 from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, patches_of_element, true_faces
-from fcdm_opt.problem.balls_on_planes import BallOnPlane, balls_of, corners_on_plane
+from fcdm_opt.problem.balls_on_faces import BallOnFace, balls_of, corners_on_plane
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -61,9 +61,9 @@ def unfollowed(problem: Problem) -> int:
     return sum(not own.pairs & known for own in asked.round_contacts)
 
 
-def contact_balls(problem: Problem) -> list[BallOnPlane]:
-    """Return the balls on planes that contacts as drawn of round parts are; none where one of them is not of such."""
-    asked, found = problem.of_facets, list[BallOnPlane]()
+def contact_balls(problem: Problem) -> list[BallOnFace]:
+    """Return the balls on faces that contacts as drawn of round parts are; none where one of them is not of such."""
+    asked, found = problem.of_facets, list[BallOnFace]()
     if not asked.round_contacts:
         return found
     drawn, made = [*asked.drawn.values()], [*asked.bodies_made.values()]

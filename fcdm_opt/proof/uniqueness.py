@@ -20,19 +20,18 @@ from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.contacts_restored import contact_balls
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.proof.conditions import separation
+from fcdm_opt.proof.conditions import distance, separation
 from fcdm_opt.proof.intervals import Interval, cross, numbers_of
-from fcdm_opt.proof.mean_value import Boxes, PosesOfPieces
+from fcdm_opt.proof.mean_value import Boxes, Expression, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
 
 PIECES, NARROWED = 400, 0.7  # that are looked at, and of a longest side, above which a piece is cut in two
 DETERMINED = 0.1  # of a parameter, by the equations, from which on they narrow it by itself
 ROUNDING = 1e-12  # of the size: more than corners as made are off where they ought to be
 MOST_BOXES = 4000  # in which equations are shown to disagree
-SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 TRIED = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.01)  # half widths of boxes, in amounts
 
-Equation = tuple[int, list[Interval]]  # a `separation` that is 0: its kind, and what is given
+Equation = tuple[Expression, list[Interval]]  # what is 0, and what it is given
 Problems = Sequence[Problem]
 
 
@@ -85,12 +84,6 @@ def least_amount(problems: Problems, tried: Array) -> float:
         middle = last - 1 if last == len(tried) else (first + last) // 2  # the largest first: nearly always it does
         first, last = (middle + 1, last) if _none_below(problems, float(tried[middle])) else (first, middle)
     return float(tried[first - 1]) if first else 0.0
-
-
-def least_restoring(problems: Problems, q: Array, amount: float) -> float:
-    """Return what motions that restore the contacts come to at least, as far as is shown, of one that does."""
-    bound = min(widest_unique(problems, q), amount)
-    return bound if bound >= amount else max(bound, least_amount(problems, amount * np.array(SHARES)))
 
 
 @np.errstate(all="ignore")
@@ -226,7 +219,7 @@ class _Equations:
         found = []
         for motion, equations in self._own:
             centre = _poses(motion, boxes).centre
-            found += [separation(kind).values(centre, given)[0][0][0] for kind, given in equations]
+            found += [own.values(centre, given)[0][0][0] for own, given in equations]
         return Interval.stacked(found, (len(boxes.rows), 1))[:, 0]
 
     def slopes(self, boxes: Boxes, chosen: Sequence[int] | None = None) -> Interval:
@@ -244,8 +237,8 @@ def _slopes(motion: PosesOfPieces, boxes: Boxes, equations: Sequence[Equation]) 
     """Return derivatives of each equation over boxes times their half widths, (n, 1, k)."""
     poses = _poses(motion, boxes)
     found = []
-    for kind, given in equations:
-        (_, slopes), _ = separation(kind).slopes(poses.over, given)
+    for expression, given in equations:
+        (_, slopes), _ = expression.slopes(poses.over, given)
         own = Interval.stacked(slopes, (len(boxes.rows), 1)).contracted(poses.change)
         found.append(Interval(own.middle, np.where(poses.jumps[:, :, None], np.inf, own.radius)))
     return found
@@ -263,16 +256,22 @@ def _independent(slopes: Array, count: int) -> list[int]:
 
 
 def _equations_of(problem: Problem) -> Iterator[Equation]:
-    """Yield the equations of a problem's contacts, of round parts as balls on planes."""
+    """Yield the equations of a problem's contacts, of round parts those of balls on planes."""
     balls = [] if problem.motion.shifts else contact_balls(problem)
     for feature in () if balls else problem.contacts:
         yield from _equations(problem, feature)
     none, seeds = Interval(np.zeros(3), np.zeros(3)), (problem.movable.seed, problem.static.seed)
     for ball in balls:
-        n, radius = Interval(ball.normal, np.zeros(3)), Interval(ball.radius)
-        place = Interval(ball.place) - seeds[ball.holder] + radius * n
         point = Interval(ball.centre) - seeds[1 - ball.holder]
-        yield (V1F2, numbers_of(n, none, point, place)) if ball.holder else (F1V2, numbers_of(n, none, place, point))
+        if ball.plane is not None:
+            place, n = (Interval(own, np.zeros(3)) for own in ball.plane)
+            both = [place - seeds[0], point] if ball.holder == 0 else [point, place - seeds[1]]
+            yield separation(V1F2 if ball.holder else F1V2), numbers_of(n, none, *both)
+        elif ball.about is not None:
+            place, along = (Interval(own, np.zeros(3)) for own in ball.about[:2])
+            both = [place - seeds[0], point] if ball.holder == 0 else [point, place - seeds[1]]
+            s = Interval(ball.about[2])
+            yield distance(ball.holder), [*numbers_of(along, *both), s, Interval(0.5) / s]
 
 
 def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
@@ -287,7 +286,7 @@ def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
     flush = any(feature == seat.touching for seat in problem.nominal_seats)
     none, *axes = (Interval(axis, np.zeros(3)) for axis in np.vstack([np.zeros(3), np.eye(3)]))
     if kinds == "EE" and not flush:
-        yield E1E2, numbers_of(own[1] - own[0], other[1] - other[0], own[0], other[0])
+        yield separation(E1E2), numbers_of(own[1] - own[0], other[1] - other[0], own[0], other[0])
         return
     in_two = kinds in ("VV", "VE") or kinds[1] == "F" or (kinds[1] == "E" and flush)  # else in the axes of body 1
     (held, points), kind = ((other, own), kinds[1]) if in_two else ((own, other), kinds[0])
@@ -298,7 +297,8 @@ def _equations(problem: Problem, feature: Feature) -> Iterator[Equation]:
         place, b, c = _corners(held)
         normals = [cross(b - place, c - place)]
     for point, n in product(_corners(points) if kinds == "FF" else points, normals):
-        yield (V1F2, numbers_of(n, none, point, place)) if in_two else (F1V2, numbers_of(n, none, place, point))
+        both = (point, place) if in_two else (place, point)
+        yield separation(V1F2 if in_two else F1V2), numbers_of(n, none, *both)
 
 
 def _corners(points: Sequence[Interval]) -> tuple[Interval, Interval, Interval]:

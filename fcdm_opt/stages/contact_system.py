@@ -34,15 +34,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
-from fcdm_opt.proof.uniqueness import (
-    SHARES,
-    equations_at,
-    excluded,
-    least_amount,
-    least_restoring,
-    unique,
-    widest_unique,
-)
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
 from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
 from fcdm_opt.stages.separating_directions import Linearised
@@ -59,6 +51,7 @@ TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
 OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
 MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
@@ -168,6 +161,12 @@ def all_at_once(
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
     return Answer(status, q, stage, min(bound, amount), active, amount=amount)
+
+
+def least_restoring(problems: Sequence[Problem], q: Array, amount: float) -> float:
+    """Return what motions that restore the contacts come to at least, as far as is shown, of one that does."""
+    bound = min(widest_unique(problems, q), amount)
+    return bound if bound >= amount else max(bound, least_amount(problems, amount * np.array(SHARES)))
 
 
 def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
-from math import cos, hypot, pi, sin, sqrt
+from math import cos, hypot, sin
 
 import numpy as np
 import pytest
@@ -164,7 +164,11 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     none = fo.solve(fo.Problem(roller, v_block(half, 5.0), **{**asked, "motion": y}, made={"diameter": off}))
     assert none.status.name == "INFEASIBLE"
     assert none.reason.count(f"{'overlap by' if off > 0 else 'are'} {abs(off) / 2:.4g}") == 2
-    for other in ({"motion": x >> fo.Rotation("z")}, {"resolution": 0.01}, {"amount": "displacement"}):
+    asked["motion"] = x >> fo.Rotation("z")
+    turned = fo.solve(fo.Problem(roller, v_block(half, 5.0), **asked, made={"diameter": off}))
+    assert turned.parameters["TX"] == pytest.approx(off / 2 / sin(half), rel=1e-9)
+    assert turned.lower_bound == pytest.approx(turned.amount, rel=2e-6)
+    for other in ({"resolution": 0.01}, {"amount": "displacement"}):
         with pytest.raises(fo.InputError, match="nominal"):  # of these only facets are followed
             fo.Problem(roller, v_block(half, 5.0), **{**asked, **other}, made={"diameter": off})
     apart = fo.Cylinder(5.0, 30.0, base=(0.01, 0, -5), name="roller")
@@ -237,21 +241,3 @@ def test_a_keep_out_that_the_restored_roller_would_meet() -> None:
     thin = fo.solve(fo.Problem(roller, v_block(np.pi / 4, 5.0), **asked, made={"diameter": -0.05}))
     assert thin.usable
     assert thin.amount == pytest.approx(0.025 / sin(np.pi / 4), rel=1e-6)
-
-
-def test_contacts_that_touch_between_facets_were_left_out_of_turns_in_silence() -> None:
-    """Three balls in three grooves: six contacts touch, of which facets show two."""
-    top, base = fo.Cylinder(30, 3, base=(0, 0, 4)), fo.Cylinder(30, 10, base=(0, 0, -12))
-    apex = -3 * sqrt(2)
-    groove = fo.Prism([(0, apex), (6, 6 + apex), (-6, 6 + apex)], 20)
-    for k in range(3):
-        a = 2 * pi * k / 3
-        turn = np.array([[cos(a), -sin(a), 0], [sin(a), cos(a), 0], [0, 0, 1]])
-        centre, pose = turn @ (0, 20, 0), np.eye(4)
-        pose[:3, :3] = turn @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
-        pose[:3, 3] = turn @ (0, 30, 0)
-        top = fo.joined(top, fo.Sphere(3, centre=centre), fo.Cylinder(1, 3, base=(*centre[:2], 2)))
-        base = fo.cut(base, groove.moved(pose))
-    problem = fo.Problem(top, base, motion=fo.Free(), goal="at", contacts="all", target=(1, 1))
-    assert len(problem.contacts) == 2
-    assert "4 more contacts touch as drawn on round faces" in str(fo.solve(problem, effort="quick"))

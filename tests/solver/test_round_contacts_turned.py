@@ -1,0 +1,205 @@
+"""Contacts as drawn of round parts, restored by motions that turn: closed forms."""
+
+import json
+from math import acos, cos, degrees, pi, radians, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+import fcdm_opt as fo
+
+CIRCLE, R = 20.0, 3.0
+ANGLES = (pi / 2, 7 * pi / 6, 11 * pi / 6)
+FREE = fo.Free()
+
+
+def outward(angle: float) -> np.ndarray:
+    return np.array([cos(angle), sin(angle), 0.0])
+
+
+def on_three_balls(radius: float = R) -> fo.Body:
+    """A plate on three balls, with their centres in the plane z = 0."""
+    plate = fo.Cylinder(30, 3, base=(0, 0, 4))
+    for angle in ANGLES:
+        x, y, _ = CIRCLE * outward(angle)
+        plate = fo.joined(plate, fo.Sphere(radius, centre=(x, y, 0)), fo.Cylinder(1, 3, base=(x, y, 2)))
+    return plate
+
+
+def grooved(angles=ANGLES) -> fo.Body:
+    """A base with grooves of 90 degrees towards the middle."""
+    base, apex = fo.Cylinder(30, 10, base=(0, 0, -12)), -R * sqrt(2)
+    groove = fo.Prism([(0, apex), (6, 6 + apex), (-6, 6 + apex)], 20)
+    for angle in angles:
+        u, pose = outward(angle), np.eye(4)
+        pose[:3, :3] = np.column_stack([np.cross(u, (0, 0, 1)), (0, 0, 1), -u])
+        pose[:3, 3] = 30 * u
+        base = fo.cut(base, groove.moved(pose))
+    return base
+
+
+def on_rods(aside: float = 4.0) -> fo.Body:
+    """A base with two rods of the balls' radius under each of them."""
+    base, depth = fo.Cylinder(34, 4, base=(0, 0, -12)), sqrt((2 * R) ** 2 - aside**2)
+    for angle in ANGLES:
+        u = outward(angle)
+        across = np.cross((0, 0, 1), u)
+        for side in (aside, -aside):
+            pose = np.eye(4)
+            pose[:3, :3] = np.column_stack([across, np.cross(u, across), u])
+            pose[:3, 3] = 14 * u + side * across - (0, 0, depth)
+            base = fo.joined(base, fo.Cylinder(R, 12).moved(pose))
+        base = fo.joined(base, fo.Box((6, 6, 4.5), centre=tuple(20 * u + (0, 0, -5.4 - depth))))
+    return base
+
+
+def balls(plate: fo.Body) -> list[fo.Size]:
+    return [fo.Size(f"b{k}", "movable", faces=f"sphere radius 3 no. {k}", tolerance=0.05) for k in (1, 2, 3)]
+
+
+def radius_at(solution: fo.Solution, plate: fo.Body, angle: float) -> float:
+    """The made radius of the ball drawn at an angle, measured on its corners."""
+    corners = solution.problem.of_facets.movable.vertices - CIRCLE * outward(angle)
+    far = np.linalg.norm(corners, axis=1)
+    return float(far[far < 1.1 * R].max())
+
+
+def centre_of_least_turn(radii: list[float], seed: np.ndarray) -> np.ndarray:
+    """Where a plate on balls of these radii comes to rest in three grooves: by six equations in six unknowns."""
+
+    def off(x: np.ndarray) -> list[float]:
+        turn = Rotation.from_rotvec(x[3:]).as_matrix()
+        found = []
+        for angle, radius in zip(ANGLES, radii, strict=True):
+            u = outward(angle)
+            at = turn @ (CIRCLE * u - seed) + seed + x[:3]
+            for side in (1, -1):
+                n = (np.array([0, 0, 1]) + side * np.cross((0, 0, 1), u)) / sqrt(2)
+                found.append(n @ at + n[2] * R * sqrt(2) - radius)
+        return found
+
+    return least_squares(off, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+
+
+@pytest.mark.parametrize("made", [{"b1": 0.05, "b2": 0.05, "b3": 0.05}, {"b1": 0.05}, {"b2": -0.03, "b3": 0.02}])
+def test_a_kinematic_coupling_goes_where_six_equations_have_it(made: dict[str, float]) -> None:
+    """Facets showed two of its six contacts, and what true parts need was not known."""
+    plate = on_three_balls()
+    problem = fo.Problem(plate, grooved(), goal="at", contacts="all", motion=FREE, sizes=balls(plate), made=made)
+    found = fo.solve(problem)
+    assert found.usable
+    truth = centre_of_least_turn([radius_at(found, plate, angle) for angle in ANGLES], plate.seed)
+    turn = Rotation.from_rotvec(truth[3:]).as_matrix()
+    assert found.transform[:3, :3] == pytest.approx(turn, abs=1e-9)
+    assert found.transform[:3, 3] == pytest.approx(plate.seed + truth[:3] - turn @ plate.seed, abs=1e-8)
+    assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+    assert "smallest possible (proved)" in str(found)
+    assert fo.verify(found, proof=True).passed
+    read = fo.Solution.from_dict(json.loads(json.dumps(found.to_dict())))
+    assert fo.verify(read, proof=True).passed
+    rows, q = fo.contact_rows(problem), [*found.parameters.values()]
+    assert len(rows.contacts) == 6
+    assert [float(row(q=q)["gap"]) for row in rows.contacts] == pytest.approx([0.0] * 6, abs=1e-10)
+
+
+def test_the_amount_of_a_coupling_changes_with_its_sizes_as_differences_do() -> None:
+    plate, base, made, step = on_three_balls(), grooved(), {"b1": 0.05, "b2": 0.01}, 1e-4
+
+    def amount(more: float) -> float:
+        sizes = {**made, "b1": made["b1"] + more}
+        asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate), "made": sizes}
+        return fo.solve(fo.Problem(plate, base, **asked), effort="quick").amount
+
+    asked = fo.Problem(plate, base, goal="at", contacts="all", motion=FREE, sizes=balls(plate), made=made)
+    rate = fo.solve(asked, effort="quick").sensitivity.sizes["b1"]
+    assert rate == pytest.approx((amount(step) - amount(-step)) / (2 * step), rel=1e-5)
+
+
+def test_a_coupling_is_an_assembly_too() -> None:
+    plate, base = on_three_balls(), grooved()
+    sizes = [fo.Size("all", "plate", faces=[f"sphere radius 3 no. {k}" for k in (1, 2, 3)], each=1, tolerance=0.05)]
+    contact = {"parts": ("plate", "base"), "contacts": "all"}
+    scene = fo.Assembly(
+        parts={"base": base, "plate": plate},
+        motions={"plate": FREE},
+        contacts=[contact],
+        sizes=sizes,
+        made={"all": 0.05},
+    )
+    found = fo.solve(scene)
+    assert found.amount == pytest.approx(0.05 * sqrt(2), rel=1e-8)
+    assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+    assert fo.verify(found, proof=True).passed
+
+
+def test_balls_on_rods_rise_as_circles_about_the_rods_do() -> None:
+    plate, aside = on_three_balls(), 4.0
+    made = {"b1": 0.05, "b2": 0.05, "b3": 0.05}
+    asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate)}
+    found = fo.solve(fo.Problem(plate, on_rods(aside), **asked, made=made))
+    rise = sqrt((2 * R + 0.05) ** 2 - aside**2) - sqrt((2 * R) ** 2 - aside**2)
+    assert found.usable
+    assert found.amount == pytest.approx(rise, rel=1e-9)
+    assert found.lower_bound == pytest.approx(rise, rel=1e-6)
+    one = fo.solve(fo.Problem(plate, on_rods(aside), **asked, made={"b1": 0.05}))
+    assert one.usable
+    assert one.lower_bound == pytest.approx(one.amount, rel=2e-6)
+    assert fo.verify(one, proof=True).passed
+
+
+def test_cup_groove_and_flat_hold_a_plate_as_lord_kelvin_had_it() -> None:
+    """A larger ball in the groove, the others as they were: it turns about the line through their centres."""
+    plate = on_three_balls()
+    (x, y, _), depth = CIRCLE * outward(ANGLES[2]), R * sqrt(2)
+    base = fo.cut(grooved(ANGLES[1:2]), fo.Box((10, 10, 3), centre=(0, CIRCLE, -1.5)))
+    base = fo.cut(base, fo.Cone(0.5, depth + 0.5, depth, base=(x, y, 0.5 - depth)))
+    asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate)}
+    for name in ("b1", "b2", "b3"):
+        found = fo.solve(fo.Problem(plate, base, **asked, made={name: 0.05}))
+        assert found.usable
+        assert found.lower_bound == pytest.approx(found.amount, rel=2e-6)
+        grown = [angle for angle in ANGLES if radius_at(found, plate, angle) > R + 0.01]
+        rise = {ANGLES[0]: 0.05, ANGLES[1]: 0.05 * sqrt(2), ANGLES[2]: 0.05 * sqrt(2)}
+        for angle in ANGLES:  # heights of the centres: the flat's by the radius, groove's and cup's by root 2 of it
+            centre = CIRCLE * outward(angle)
+            height = (found.transform[:3, :3] @ centre + found.transform[:3, 3])[2]
+            assert height == pytest.approx(rise[angle] if angle in grown else 0.0, abs=2e-6)
+        assert len(grown) == 1
+
+
+def test_rollers_and_plane_faces_are_restored_by_motions_that_turn() -> None:
+    radius, apex = 5.0, 5 * sqrt(2)
+    groove, pose = fo.Prism([(0, -apex), (12, 12 - apex), (-12, 12 - apex)], 30), np.eye(4)
+    pose[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    pose[:3, 3] = (-15, 0, 0)
+    block = fo.cut(fo.Box((30, 30, 14), centre=(0, 0, -7)), groove.moved(pose))
+    pose[:3, 3] = (-10, 0, 0)
+    roller = fo.Cylinder(radius, 20).moved(pose)
+    size = fo.Size("d", "movable", faces="cylinder radius 5", tolerance=0.05)
+    found = fo.solve(fo.Problem(roller, block, goal="at", contacts="all", motion=FREE, sizes=[size], made={"d": 0.04}))
+    assert found.amount == pytest.approx(0.04 * sqrt(2), rel=1e-9)
+    assert found.lower_bound == pytest.approx(found.amount, rel=2e-6)
+    base = fo.joined(fo.Box((40, 40, 5), centre=(0, 0, -2.5)), fo.Box((5, 40, 20), centre=(-17.5, 0, 10)))
+    slide = fo.joined(fo.Box((14, 20, 10), centre=(0, 0, 5)), fo.Cylinder(radius, 10, base=(-10, 0, 0)))
+    size = fo.Size("r", "movable", faces="cylinder radius 5", tolerance=0.1)
+    about = fo.Translation("z") >> fo.Rotation("z", centre="origin")
+    found = fo.solve(fo.Problem(slide, base, goal="at", contacts="all", motion=about, sizes=[size], made={"r": 0.1}))
+    turned = acos((10 - 0.1) / 10)  # its axis, on a circle of 10 about the origin, comes to 9.9 from the wall's foot
+    assert abs(degrees(turned) - abs(degrees(found.parameters["RZ"]))) < 1e-7
+    assert found.parameters["TZ"] == pytest.approx(0.0, abs=1e-9)
+    assert found.lower_bound == pytest.approx(found.amount, rel=2e-6)
+
+
+def test_contacts_of_other_round_faces_are_counted_where_a_motion_turns() -> None:
+    """Crossed rods, one on a side of its facets and one not: it is said what is not followed."""
+    below = fo.Cylinder(R, 60, facets=24)
+    pose, other = np.eye(4), np.eye(4)
+    pose[:3, :3] = other[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    other[:3, :3] = other[:3, :3] @ Rotation.from_rotvec([0, 0, 0.05]).as_matrix()
+    pose[:3, 3], other[:3, 3] = (-20, 2 * R, 20), (-20, 2 * R, 40)
+    top = fo.joined(fo.Cylinder(R, 40, facets=24).moved(pose), fo.Cylinder(R, 40, facets=24).moved(other))
+    top = fo.joined(top, fo.Box((4, 4, 30), centre=(15, 2 * R, 30)))
+    asked = fo.Problem(top, below, motion=FREE, goal="at", contacts="all", target=(1, 1))
+    assert "as drawn on round faces" in str(fo.solve(asked, effort="quick"))
