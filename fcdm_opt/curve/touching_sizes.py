@@ -531,8 +531,8 @@ def _pair(
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
     if not len(values):
         raise InputError("no feature of these parts can touch", key="sizes", found=parts)
-    if along is not None and (kept := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
-        normals, values, first, second, kinds = (own[kept] for own in (normals, values, first, second, kinds))
+    if along is not None and (near := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
+        normals, values, first, second, kinds = (own[near] for own in (normals, values, first, second, kinds))
     middle, half = _centred(box)
     heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
     least = (heights - swings).max()

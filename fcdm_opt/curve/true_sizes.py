@@ -55,8 +55,8 @@ def touching_true_faces(
     others = list[Array]()  # those at which rows and true faces differ yet
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        only = {"without": at_all.apart(pose), "normals": at_all.normals_met(pose)}
-        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, **only, **how)
+        apart, met = at_all.apart(pose), at_all.normals_met(pose)
+        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, normals=met, **how)
         found = at_all.counted(every)
         ends = [own[::-1] for own in (found.least(), found.largest())]
         if not turn:  # all that may be the nearest at some sizes
