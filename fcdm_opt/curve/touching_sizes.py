@@ -12,9 +12,10 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,6 +111,7 @@ class TouchingSizes:
         least: bool = True,
         permanent: bool = True,
         without: Collection[tuple[int, int]] = (),
+        normals: Mapping[tuple[int, int], Array] = MappingProxyType({}),
     ) -> TouchingSizes:
         """Return them.
 
@@ -131,6 +133,8 @@ class TouchingSizes:
             is that of all others, unless there are no others.
         without : collection of (int, int)
             Part pairs that do not count.
+        normals : mapping
+            Directions, (n, 3), of part pairs of which rows along one of these alone count, if there are any.
 
         Raises
         ------
@@ -188,7 +192,7 @@ class TouchingSizes:
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
-        pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size) for i, j in counted]
+        pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
         always = [not permanent and max(map(abs, _ends(own, box))) <= slack for own in pairs]
         if all(always):
@@ -515,13 +519,20 @@ def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:
 # ------------------------------------------------------------------------------------------------------- rows of a pair
 
 
-def _pair(parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float) -> PairRows:
-    """Return the rows of a pair that some row elsewhere does not outdo all over the box."""
+def _pair(
+    parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float, along: Array | None
+) -> PairRows:
+    """Return the rows of a pair that some row elsewhere does not outdo all over the box; those along directions alone.
+
+    All where none is.
+    """
     pacing.check()
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
     if not len(values):
         raise InputError("no feature of these parts can touch", key="sizes", found=parts)
+    if along is not None and (near := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
+        normals, values, first, second, kinds = (own[near] for own in (normals, values, first, second, kinds))
     middle, half = _centred(box)
     heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
     least = (heights - swings).max()

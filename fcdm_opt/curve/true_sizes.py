@@ -55,8 +55,8 @@ def touching_true_faces(
     others = list[Array]()  # those at which rows and true faces differ yet
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        apart = at_all.apart(pose)
-        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, **how)
+        apart, met = at_all.apart(pose), at_all.normals_met(pose)
+        every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, normals=met, **how)
         found = at_all.counted(every)
         ends = [own[::-1] for own in (found.least(), found.largest())]
         if not turn:  # all that may be the nearest at some sizes
@@ -329,24 +329,19 @@ class TrueSizes:
                 both = zip(map(true_faces, self.facets), rows, strict=True)
                 patches = [{faces.patch_of(row) for row in own} for faces, own in both]
                 self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
-        kept = tuple(self._along_faces(own, found.transform) for own in found.pairs if not self._within_round(own))
+        kept = tuple(own for own in found.pairs if not self._within_round(own))
         return replace(found, pairs=kept or found.pairs)
 
-    def _along_faces(self, own: PairRows, pose: Array) -> PairRows:
-        """Return the rows of two pieces at points along the normal of a round face, if any: others are aslant."""
-        normals = list[Array]()
-        for body, place, turn in zip(self.bodies, own.parts, (pose[:3, :3], -np.eye(3)), strict=True):
-            pieces = () if body.exact is None else body.exact.pieces
-            piece = place - len(body.parts) + len(pieces)
-            if piece < 0:
-                return own
-            normals += [turn @ pieces[piece].normals[0]] if len(pieces[piece].normals) == 1 else []
-        along = own.normals @ np.reshape(normals, (-1, 3)).T
-        kept = (along > 1.0 - DEFAULT.nominal).any(axis=1)
-        if not kept.any() or kept.all():
-            return own
-        elements = [own.elements[k] for k in np.flatnonzero(kept)]
-        return own._replace(values=own.values[kept], normals=own.normals[kept], elements=elements)
+    def normals_met(self, pose: Array) -> dict[tuple[int, int], Array]:
+        """Return the normals of round faces, (k, 3), of each two pieces at points of these: other rows are aslant."""
+        found = dict[tuple[int, int], Array]()
+        pieces = [() if body.exact is None else body.exact.pieces for body in self.bodies]
+        for i, j in np.ndindex(*map(len, pieces)):
+            met = (pieces[0][i].normals @ pose[:3, :3].T, -pieces[1][j].normals)
+            if normals := [own for own in met if len(own) == 1]:
+                first = (len(body.parts) - len(own) for body, own in zip(self.bodies, pieces, strict=True))
+                found[next(first) + i, next(first) + j] = np.concatenate(normals)
+        return found
 
     def _within_round(self, own: PairRows) -> bool:
         """Tell whether a row of a part pair is of a facet that is within a round face, or beside one."""

@@ -15,8 +15,10 @@ from fcdm_opt.curve.contact import Joint, joints
 from fcdm_opt.curve.decision_curve import DEFAULT_BOX, DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.segments import Box, Segment, SwitchingPoint
+from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, gaps_off, is_plane_there
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.naming import is_round, told_element
@@ -122,10 +124,21 @@ class Situation:
     def places(self) -> list[str]:
         """Where the parts touch as drawn, in words, each once: of two round faces facets and edges are one place."""
         one, two = self.movable, self.static
-        pairs = dict.fromkeys((told_element(one, each.one), told_element(two, each.two)) for each in self.contacts)
+        met = [(each.one, each.two) for each in self.contacts] or self._true_faces_met
+        pairs = dict.fromkeys((told_element(one, mine), told_element(two, its)) for mine, its in met)
         faces = [pair for pair in pairs if is_round(pair[0]) and not any(own.startswith("edge") for own in pair)]
         edges = {pair for pair in pairs for face in faces if face != pair and all(map(contains, pair, face))}
         return [f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs if (mine, its) not in edges]
+
+    @property
+    def _true_faces_met(self) -> list[tuple[Element, Element]]:
+        """Facets of round faces that touch as drawn, wherever those of the other body are, each two faces once."""
+        bodies, found = (self.movable, self.static), dict[frozenset[tuple[int, int]], tuple[Element, Element]]()
+        for each in contacts_as_drawn(*bodies, np.array(DRAWN), DEFAULT.snap * self.size):
+            sides = zip(map(true_faces, bodies), each.patches, each.points, strict=True)
+            one, two = (Element("F", own.body.faces[own.row_at(met[0], x)]) for own, met, x in sides)
+            found.setdefault(each.pairs, (one, two))
+        return [*found.values()]
 
     @cached_property
     def sides(self) -> tuple[tuple[Array, tuple[Feature, ...]], ...]:

@@ -17,7 +17,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.facet_errors import facet_errors, round_surfaces
+from fcdm_opt.geometry.facet_errors import facet_errors, is_plane_there, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
 from fcdm_opt.geometry.resizing import resized_part_corners
@@ -100,17 +100,26 @@ def _near_parts(bodies: tuple[Body, Body], rho: Array, most: float) -> list[Ints
 
 
 def _cut(parts: list[ConvexPart], normals: Array, body: Body) -> Flags:
-    """Tell which parts have a facet along a direction with more of their body behind it: one that only a cut made."""
-    found, places, rows = np.zeros(len(parts), np.bool_), list[Array](), list[int]()
-    for k, (part, normal) in enumerate(zip(parts, normals, strict=True)):
-        towards = part.normals @ normal
-        best = int(towards.argmax())
-        if len(body.parts) > 1 and towards[best] >= 1.0 - DEFAULT.side:
-            places.append(part.vertices[list(part.loops[best])].mean(axis=0) + DEFAULT.side * body.size * normal)
-            rows.append(k)
-    if rows:
-        found[rows] = contains(body, np.array(places))
+    """Tell which parts have more of their body behind all that is foremost along a direction: what only a cut made."""
+    found = np.full(len(parts), len(body.parts) > 1)
+    for share in (0.0, 0.25, 0.5, 0.75):  # from the middle to the corners: more may be behind the middle alone
+        places, rows = list[Array](), list[int]()
+        for k in np.flatnonzero(found).tolist():
+            corners = _foremost(parts[k], normals[k], body)
+            off = share * (corners - corners.mean(axis=0)) if share else np.zeros((1, 3))
+            places.append(corners.mean(axis=0) + off + DEFAULT.side * body.size * normals[k])
+            rows += [k] * len(off)
+        if rows:
+            found[np.array(rows)[~contains(body, np.concatenate(places))]] = False
     return found
+
+
+def _foremost(part: ConvexPart, normal: Array, body: Body) -> Array:
+    """Return the corners of what a part of a body has foremost along a direction, (k, 3): a facet, an edge or one."""
+    best, heights = int((part.normals @ normal).argmax()), part.vertices @ normal
+    if part.normals[best] @ normal >= 1.0 - DEFAULT.side:
+        return part.vertices[list(part.loops[best])]
+    return part.vertices[heights >= heights.max() - DEFAULT.snap * body.size]
 
 
 @lru_cache(maxsize=4)
@@ -174,21 +183,29 @@ def overlap_as_drawn(problem: Problem) -> float:
 
 def _enclose(normals: Array) -> bool:
     """Tell whether 0 is among unit normals, (k, 3): none leads away from all; false without any."""
+    return bool(len(normals)) and _most_room(normals, np.zeros(len(normals)))[0] <= DEFAULT.partition
+
+
+def _most_room(normals: Array, gaps: Array) -> tuple[float, Array]:
+    """Return the least of gaps, (k,), where a shift makes that largest, at most 1, and the weights that bound it, (k,).
+
+    A shift moves along each axis by at most 1, towards walls whose unit normals, (k, 3), look from body 1 to body 2.
+    """
     from scipy.optimize import linprog
 
-    if not len(normals):
-        return False
-    rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= 0 for each
-    chosen = list(dict.fromkeys([*normals.argmin(axis=0).tolist(), *normals.argmax(axis=0).tolist()]))
-    bounds = [(-1.0, 1.0)] * 3 + [(0.0, 1.0)]
+    rows = np.hstack([normals, np.ones((len(normals), 1))])  # n.u + s <= gap for each
+    chosen = list(
+        dict.fromkeys([*normals.argmin(axis=0).tolist(), *normals.argmax(axis=0).tolist(), int(gaps.argmin())])
+    )
+    bounds = [(-1.0, 1.0)] * 3 + [(None, 1.0)]
     while True:  # with the rows alone that matter: there may be millions
-        found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows[chosen], b_ub=np.zeros(len(chosen)), bounds=bounds)
-        if found.status != 0 or found.x[3] <= DEFAULT.partition:
-            return True
-        heights = rows @ found.x
-        worst = int(heights.argmax())
-        if heights[worst] <= DEFAULT.partition or worst in chosen:
-            return False
+        found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows[chosen], b_ub=gaps[chosen], bounds=bounds)
+        beyond = rows @ found.x - gaps
+        worst = int(beyond.argmax())
+        if beyond[worst] <= DEFAULT.partition or worst in chosen:
+            weights = np.zeros(len(gaps))
+            weights[chosen] = -found.ineqlin.marginals
+            return float(found.x[3]), weights
         chosen.append(worst)
 
 
@@ -198,7 +215,8 @@ class Misfit(NamedTuple):
     `inner` and `outer` are the widths, length units, the first of body `inside` (0: movable, 1: static). `faces` are
     those between which they are, of the movable and of the static part as drawn; None where only a cut made one.
     `parts` are the numbers of the convex parts that have them, of both bodies. `normal` is that of the first wall, from
-    body 1 to body 2. `wider`: what lacks more, between walls of several round faces.
+    body 1 to body 2. `wider`: what lacks more, between walls of several round faces. With an `outer` of 0 `inner`
+    is by how much the parts overlap at least wherever they are shifted, between three walls or more.
     """
 
     inside: int
@@ -236,10 +254,11 @@ def misfit(problem: Problem) -> Misfit | None:
     if gaps.min() >= 0.0:
         return None
     told = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
-    normals, places, reaches, gaps = normals[told], places[told], reaches[told], gaps[told]
-    walls = _ClosedWalls(problem, normals, places, reaches, gaps)
-    found = walls.tightest(np.arange(len(gaps)))
-    if found is None or _of_one_feature(problem, found):
+    walls = _ClosedWalls(problem, normals[told], places[told], reaches[told], gaps[told])
+    found = walls.tightest(np.arange(len(walls.gaps)))
+    if found is None:
+        return _ClosedWalls(problem, normals, places, reaches, gaps).wedged()
+    if _of_one_feature(problem, found):
         return found
     each = map(walls.tightest, walls.by_feature())
     named = [one for one in each if one is not None and _of_one_feature(problem, one)]
@@ -248,9 +267,9 @@ def misfit(problem: Problem) -> Misfit | None:
 
 
 def _of_one_feature(problem: Problem, found: Misfit) -> bool:
-    """Tell whether the walls of either body are of one round face, or of none."""
+    """Tell whether the walls of either body are of one round face at most."""
     bodies = zip(map(_round_numbers, drawn_bodies(problem)), found.faces, strict=True)
-    return all(len({_number(known, own) for own in faces if own is not None}) < 2 for known, faces in bodies)
+    return all(len({_number(known, own) for own in faces} - {-1}) < 2 for known, faces in bodies)
 
 
 class _ClosedWalls(NamedTuple):
@@ -264,8 +283,8 @@ class _ClosedWalls(NamedTuple):
 
     def tightest(self, rows: Ints) -> Misfit | None:
         """Return the two opposite ones that lack most, of some; None where no two lack anything."""
-        problem, places = self.problem, self.places[rows]
-        normals, reaches, gaps = self.normals[rows], self.reaches[rows], self.gaps[rows]
+        problem, normals = self.problem, self.normals[rows]
+        reaches, gaps = self.reaches[rows], self.gaps[rows]
         keys = np.round(normals / np.sqrt(DEFAULT.tie)).astype(np.int64) @ DIGITS  # opposite ones have opposite keys
         order = np.argsort(gaps, kind="stable")
         known, first = np.unique(keys[order], return_index=True)
@@ -279,21 +298,48 @@ class _ClosedWalls(NamedTuple):
             inside = 0 if width[0] > 0.0 else 1
             if not width[inside] > -width[1 - inside] > ROOM * width[inside]:
                 continue  # walls that are a little aslant, seen from far away; and what nothing could be meant to be in
-            one, two = (
-                tuple(
-                    self._named_wall(int(places[each, body]), int(places[each, 1 - body]), side * normals[each], body)
-                    for each in (k, j)
-                )
-                for body, side in enumerate((1.0, -1.0))
+            own = self._between(rows[[k, j]])._replace(
+                inside=inside, inner=float(width[inside]), outer=float(-width[1 - inside])
             )
-            parts = [tuple(dict.fromkeys(places[[k, j], body].tolist())) for body in (0, 1)]
-            own = Misfit(
-                inside, float(width[inside]), float(-width[1 - inside]), (one, two), (parts[0], parts[1]),
-                tuple(normals[k].tolist()),
-            )  # fmt: skip
+            if not all(map(any, zip(*own.faces, strict=True))):
+                continue  # two edges: no face of either ends there
             if own.inner - own.outer > bow or true_widths(problem, own) is not None:
                 least, found = float(gaps[k] + gaps[j]), own
         return found
+
+    def wedged(self) -> Misfit | None:
+        """Return what lacks wherever body 1 is shifted, of walls that need not be opposite; None where nothing does.
+
+        Weights under which normals cancel make a sum of gaps that no shift changes: the tightest of these sums.
+        """
+        problem, drawn = self.problem, drawn_bodies(self.problem)
+        _, weights = _most_room(self.normals, self.gaps / np.abs(self.gaps).max())
+        lack, rows = -float(weights @ self.gaps), np.flatnonzero(weights > DEFAULT.side)
+        if lack <= problem.contact_slack or norms(weights @ self.normals) > DEFAULT.side:
+            return None
+        found, groups = self._between(rows)._replace(inner=lack), dict[tuple[object, ...], list[int]]()
+        for row, faces in zip(rows.tolist(), zip(*found.faces, strict=True), strict=True):
+            pair = ((_number(_round_numbers(body), own), own) for body, own in zip(drawn, faces, strict=True))
+            groups.setdefault(tuple(number if number >= 0 else own for number, own in pair), []).append(row)
+        one, two = (sorted(groups.values(), key=len) * 2)[:2]  # a plane is one wall
+        if len(groups) == 1 or (len(groups) == 2 and (self.normals[two] @ self.normals[one[0]]).max() < -FEWEST_ROUND):
+            own = self._between(np.array([one[0], two[0]]))
+            widths = true_widths(problem, own)
+            outer, inner = sorted(map(abs, widths or (0.0, 0.0)))
+            return own._replace(inside=int(widths[0] < 0.0), inner=inner, outer=outer) if widths else None
+        # true round faces may have room, and a turn may make some; of two walls `tightest` knows
+        known = len(groups) > 2 and all(map(any, zip(*found.faces, strict=True))) and 2.0 * lack > self.bow
+        return found if known and not problem.motion.turning.any() else None
+
+    def _between(self, rows: Ints) -> Misfit:
+        """Return a misfit between walls, along the normal of the first, with no widths yet."""
+        (faces, parts), sides = ([], []), (1.0, -1.0)
+        for body, side in enumerate(sides):
+            own, others = self.places[rows, body].tolist(), self.places[rows, 1 - body].tolist()
+            each = zip(own, others, side * self.normals[rows], strict=True)
+            faces.append(tuple(self._named_wall(part, other, normal, body) for part, other, normal in each))
+            parts.append(tuple(dict.fromkeys(own)))
+        return Misfit(0, 0.0, 0.0, (faces[0], faces[1]), (parts[0], parts[1]), tuple(self.normals[rows[0]].tolist()))
 
     def _named_wall(self, part: int, other: int, normal: Array, role: int) -> Element | None:
         """Return the face of a part that looks along a direction; of a cut that one of the round face that it is at.
@@ -404,15 +450,17 @@ def _verdict(problem: Problem) -> str:
 def _in_words(problem: Problem, found: Misfit) -> str:
     """Return two widths in words, and between which walls they are."""
     exact = true_widths(problem, found)
+    names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     widths = exact or (found.inner, found.outer)
     lack = widths[0] - widths[1]
     places = int(max(0, 1 - np.floor(np.log10(lack))))
-    names = (problem.movable.name or "the movable part", problem.static.name or "the static part")
     inner, outer = names[found.inside], names[1 - found.inside]
     digits = (f"{float(f'{width:.12g}'):.{places}f}" for width in widths)  # not by rounding
     wide, room = (measured(width, problem.unit) for width in digits)
     fit, end = f"{inner} {wide} in {outer} {room}", ""
-    if lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
+    if not found.outer:
+        fit = f"{names[0]} and {names[1]} overlap by {measured(lack, problem.unit, 4)} or more, wherever shifted"
+    elif lack < NEARLY * widths[1]:  # digits that differ where nobody reads them
         room = measured(widths[1], problem.unit)
         fit = f"{inner} is {measured(lack, problem.unit, 2)} wider than {outer}, {room}"
         if (drawn_width := _drawn_width(problem, found)) is not None:
@@ -425,8 +473,9 @@ def _in_words(problem: Problem, found: Misfit) -> str:
     side = next((k for k in sides if None not in found.faces[k]), sides[0])
     drawn = drawn_bodies(problem)[side]
     faces = dict.fromkeys(told_element(drawn, own) for own in found.faces[side] if own is not None)
-    walls = " and ".join(map(with_article, faces))
-    between = f", {'between' if len(faces) == 2 else 'across'} {walls} of {names[side]}" if faces else ""
+    *others, last = map(with_article, faces or [""])
+    walls = " and ".join(filter(None, (", ".join(others), last)))
+    between = f", {'between' if len(faces) > 1 else 'across'} {walls} of {names[side]}" if faces else ""
     between += " (of its facets)" * (exact is None and any(map(is_round, faces)))
     return f"{fit}{between}{end}"
 
@@ -446,7 +495,7 @@ def _drawn_width(problem: Problem, found: Misfit) -> float | None:
 
 
 def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
-    """Return the widths made of the true faces, where all walls are of cylinders and bores: of one, or of two.
+    """Return the widths made of the true faces, where walls are of cylinders and bores: of one, of two, or one plane.
 
     None of other walls, and where the true faces would go together.
     """
@@ -457,19 +506,28 @@ def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
 def _round_widths(
     problem: Problem, found: Misfit, bodies: tuple[Body, Body], scales: Array
 ) -> tuple[float, float] | None:
-    """Return the widths inside and outside of bodies at scales, None of walls that are not all round.
+    """Return the widths inside and outside of bodies at scales, None where neither wall is round, or one a cut.
 
-    A wall reaches as far along a direction n as centre . n + radius, or - radius of a bore: both lack most along the
-    line between centres, which facets on either side are turned against.
+    A wall reaches as far along a direction n as centre . n + radius, or - radius of a bore: round ones lack most along
+    the line between centres, which facets on either side are turned against; a plane has its own direction.
     """
-    apart, thick, axes = list[Array](), list[float](), list[Array]()
-    for drawn, body, rho, walls in zip(drawn_bodies(problem), bodies, scales.tolist(), found.faces, strict=True):
+    apart, thick, axes, flat = list[Array](), list[float](), list[Array](), False
+    corners = part_corners_as_made(problem) or ([], [])
+    asked = zip(drawn_bodies(problem), bodies, scales.tolist(), found.faces, found.parts, (1.0, -1.0), strict=True)
+    for role, (drawn, body, rho, walls, parts, side) in enumerate(asked):
         pairs = list(zip(round_faces(drawn), round_faces(body), strict=False))
         numbers = [_number(_round_numbers(drawn), wall) for wall in walls]
-        if not numbers or not all(0 <= k < len(pairs) and _is_cylinder(pairs[k][1]) for k in numbers):
+        if len(walls) != 2:
             return None
         centres, sums = list[Array](), 0.0
-        for was, now in (pairs[k] for k in numbers):
+        for k, wall, part, sign in zip(numbers, walls, (parts[0], parts[-1]), (side, -side), strict=True):
+            if k < 0 and wall is not None and is_plane_there(drawn, wall):
+                points, flat = body.parts[part].vertices if body is drawn else corners[role][part], True
+                centres.append(points[(sign * (points @ np.array(found.normal))).argmax()])
+                continue
+            if not 0 <= k < len(pairs) or not _is_cylinder(pairs[k][1]):
+                return None
+            was, now = pairs[k]
             radius = now.surface.radius
             if body.surfaces is None:  # it goes out as its facets do, whose corners go further
                 radius = was.surface.radius + _inner_radius(body, now) - _inner_radius(drawn, was)
@@ -478,14 +536,16 @@ def _round_widths(
             sums += _side(was) * radius
         apart.append(rho * (centres[0] - centres[-1]))
         thick.append(rho * sums)
-    if any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
+    if not axes or any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
+        return None
+    if flat and abs(axes[0] @ found.normal) > DEFAULT.side:
         return None
     across = (own - (own @ axes[0]) * axes[0] for own in (np.array(found.normal), apart[0] - apart[1], apart[0]))
     (normal, line, middles), least = across, DEFAULT.weld * problem.size
     normal, long = normal / norms(normal), float(norms(line))
-    if long <= least and norms(middles) > least:  # of one pitch: none lacks more along another direction
+    if not flat and long <= least and norms(middles) > least:  # of one pitch: none lacks more along another direction
         normal = middles * np.sign(normal @ middles) / norms(middles)
-    elif normal @ line > FEWEST_ROUND * long > least:
+    elif not flat and normal @ line > FEWEST_ROUND * long > least:
         normal = line / long
     widths = float(normal @ apart[0]) + thick[0], thick[1] - float(normal @ apart[1])
     return widths[found.inside], -widths[1 - found.inside]

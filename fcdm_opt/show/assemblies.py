@@ -31,6 +31,7 @@ from fcdm_opt.show.texts import (
     bound_text,
     described,
     made_text,
+    seen_amount,
     values_by_part,
 )
 from fcdm_opt.show.verdict import EXACT, barring, instruction_text
@@ -141,11 +142,10 @@ def assembly_instruction(solution: AssemblySolution) -> str:
 def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
     assembly = solution.assembly
     verdict = "-" if not solution.status.found else verdict_cell(solution)
-    moved = not solution.status.found or any(map(any, values_by_part(solution).values()))
     first = {
         "case": wrapped(assembly.name, CELL_WIDTH),
-        "total": amount_text(solution.amount * moved),
-        "proved\nat least": bound_text(solution) if moved else "0",
+        "total": amount_text(seen_amount(solution)),
+        "proved\nat least": bound_text(solution),
         "verified": verdict,
     }
     rows = list[dict[str, str]]()

@@ -393,7 +393,7 @@ def yield_card(result: AssemblyYield) -> Card:
     bodies = [(body.body, number(body.total, 3), share_text(body.share_without)) for body in result.contributions]
     tables: list[Rows] = [
         (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
-        (("body", "share of the amount's variance", "would pass at its median size"), bodies),
+        (("size", "share of the amount's variance", "would pass at its median size"), bodies),
     ]
     return Card("Assembly yield", facts=facts, tables=tables, state=f"{share_text(result.share)} pass")
 

@@ -25,6 +25,7 @@ from fcdm_opt.show.texts import (
     goal_text,
     motion_text,
     outcome_text,
+    seen_amount,
     share_text,
     steps_text,
     telling,
@@ -176,7 +177,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "goal": goal_text(problem).replace(" by ", "\nby "),
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
         "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
-        "found\namount": amount_text(solution.amount)
+        "found\namount": amount_text(seen_amount(solution))
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\nsizes": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
@@ -352,7 +353,7 @@ def print_yield(result: AssemblyYield) -> None:
     others = "with the others" if len(result.contributions) > 2 else "with the other"
     rows = [
         {
-            "body": share.body,
+            "size": share.body,
             "of the amount's variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             others: "-" if math.isnan(share.total) else f"{share.total:.2%}",
             "yield without its scatter": share_text(share.share_without, 3),
@@ -393,7 +394,7 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
         "asked": _question_text(solution.question),
-        "amount": amount_text(solution.amount),
+        "amount": amount_text(seen_amount(solution)),
         "motion": motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),
         "outcome": outcome_text(solution),

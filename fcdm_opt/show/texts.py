@@ -208,6 +208,12 @@ def amount_text(amount: float | None, unit: str = "") -> str:
     return "-" if amount is None or not math.isfinite(amount) else measured(number(amount), unit)
 
 
+def seen_amount(solution: Bounded) -> float:
+    """Return the amount found, 0 of motions that are rounding, see `telling`."""
+    found = solution.status.found
+    return solution.amount * (not found or any(telling(solution.question, [*solution.coordinates.values()])))
+
+
 def proved_least(solution: Bounded) -> bool:
     """Tell whether nothing smaller than the amount does, but for rounding: by less than what counts as touching."""
     asked = solution.question
@@ -219,7 +225,7 @@ def bound_text(solution: Bounded) -> str:
     """Return the lower bound, rounded down, and below it how near the amount it comes."""
     if not math.isfinite(solution.lower_bound):
         return "impossible"
-    if not solution.lower_bound > 0:
+    if not solution.lower_bound > 0 or seen_amount(solution) == 0.0:
         return "0"
     rounded = floored(solution.lower_bound, DIGITS)
     if not math.isfinite(solution.gap):

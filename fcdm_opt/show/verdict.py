@@ -30,6 +30,7 @@ from fcdm_opt.show.texts import (
     motion_text,
     number,
     outcome_text,
+    seen_amount,
     shortened,
     steps_text,
     telling,
@@ -130,7 +131,7 @@ def answer_text(solution: Solution) -> str:
     head = f"{problem.name}: " * bool(problem.name)
     row = f"{asked_text(problem)}, goal {goal_text(problem)}"
     if solution.status.found:
-        amount = amount_text(solution.amount, problem.amount_unit)
+        amount = amount_text(seen_amount(solution), problem.amount_unit)
         row += f": {motion_text(solution)}; amount {amount}, proved at least {bound_line(solution)}; "
         row += f"pair made {solution.pair_state}; {outcome_text(solution)}"
     else:

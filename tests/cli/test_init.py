@@ -23,7 +23,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
 from fcdm_opt.drafting.choice import TOLERANCE, named
-from fcdm_opt.drafting.draft import draft, short, widths
+from fcdm_opt.drafting.draft import draft, short, state_text, widths
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -535,3 +535,13 @@ def test_labels_in_comments_were_cut_in_their_middle() -> None:
     assert short(features, bodies) == " and ".join([*names[:2], "4 more"])  # 2 are 63 signs, 3 are 97
     long = Feature.from_label(f"F1F2(P1{','.join(f'V{k}' for k in range(1, 40))}; P2V1,V2,V3,V4)")
     assert short([long, *features], bodies) == f"{long} and 6 more"
+
+
+@pytest.mark.parametrize("facets", [16, 30, 48])
+def test_what_touches_as_drawn_is_told_of_round_faces_wherever_their_facets_are(facets: int) -> None:
+    """A shaft of its hub's size: "the parts touch" was all that was told where facets are turned against each other."""
+    bore = fo.Cylinder(15, 60, base=(0, 0, -10), facets=facets)
+    hub = fo.cut(fo.Cylinder(25, 40, facets=facets), bore, name="hub")
+    shaft = fo.Cylinder(15, 80, base=(0, 0, -20), facets=40, name="shaft")
+    words = "the parts touch: bore of radius 15 of hub at cylinder of radius 15 of shaft"
+    assert state_text(Situation(hub, shaft), "mm") == words

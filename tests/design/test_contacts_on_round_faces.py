@@ -204,3 +204,20 @@ def test_a_keyway_that_was_cut_into_facets() -> None:
     stack = fo.stack_up(asked)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.0, 0.0205), abs=1e-9)
     assert fo.verify(stack).passed
+
+
+def test_an_overlap_deeper_than_the_pieces_at_its_points_was_told_by_facets(tmp_path):
+    """A rim of 13.02 in a cone of 45 degrees that is 13.5 there: -.3193 was told of -.48 / sqrt 2, and not verified."""
+    collar, journal = fo.Cylinder(18, 8, base=(0, 0, -8), facets=48), fo.Cylinder(12, 20, facets=48)
+    shaft = fo.joined(collar, fo.Cone(13.5, 12, 1.5, facets=48), journal, name="shaft")
+    bore = fo.Cylinder(12.02, 40, base=(0, 0, -10), facets=48)
+    hub = fo.cut(fo.Cylinder(20, 14, facets=48), bore, fo.Cone(13.02, 12.02, 1.0, facets=48), name="hub")
+    drawn = [drawn_as_stl(own, tmp_path) for own in (hub, shaft)]
+    sizes = [
+        fo.Size("bore", "movable", faces="bore radius 12.02", each=-0.5, tolerance=(0, 0.033)),
+        fo.Size("journal", "static", faces="cylinder radius 12", each=0.5, tolerance=(-0.013, 0)),
+    ]
+    problem = fo.Problem(*drawn, motion=fo.Translation("z"), goal="clear", sizes=sizes, made={})
+    stack = fo.stack_up(problem)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx([-0.48 / np.sqrt(2.0)] * 2, abs=1e-4)
+    assert fo.verify(stack).passed

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -337,6 +338,68 @@ def test_a_web_between_bores_was_told_by_facets_and_a_bore_at_a_cut_had_no_name(
     where = " where it is drawn" * ("no. 2" in words.partition(";")[0])  # between two round faces: another place may do
     assert verdict(problem) == f"does not fit{where}: {words}"
     assert fits_up_to(problem) == pytest.approx(fits, rel=2e-3)
+
+
+def test_a_journal_in_a_chamfered_hub_was_told_by_the_slant_of_its_chamfer(tmp_path: Path) -> None:
+    """Edges of the shaft's parts, at the foot of a cone of 45 degrees, were a wall: "16.95 in 16.78" of 24 in 23.96."""
+
+    def cylinder(low: float, high: float, tall: float, base: float = 0.0) -> Manifold:
+        return Manifold.cylinder(tall, low, high, 48).translate((0, 0, base))
+
+    def read(solid: Manifold, name: str) -> fo.Body:
+        mesh, file = solid.to_mesh(), tmp_path / f"{name}.stl"
+        trimesh.Trimesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)).export(file)
+        return fo.Body.from_file(file, unit="mm", name=name).rounded()
+
+    shaft = read(cylinder(18, 18, 8, -8) + cylinder(12, 12, 20) + cylinder(13.5, 12, 1.5), "shaft")
+    hub = read(cylinder(20, 20, 14) - cylinder(12.02, 12.02, 40, -10) - cylinder(13.02, 12.02, 1), "hub")
+    size = fo.Size("bore", "movable", faces="bore radius 12.02", each=-0.5, tolerance=0.1)
+    problem = fo.Problem(hub, shaft, sizes=[size], made={"bore": -0.08}, goal="clear", motion=UP)
+    assert verdict(problem) == "does not fit: shaft 24.000 mm in hub 23.960 mm, across the bore of radius 12.02 of hub"
+
+
+@pytest.mark.parametrize(("off", "fits"), [(0.09, True), (0.11, False), (0.3, False)])
+def test_a_flat_too_high_for_the_bore_opposite_is_told_by_both(off: float, fits: bool) -> None:
+    """6 + off + 8 of a D-shaft in 6.05 + 8.05: "the only motion found goes straight through" was all that was told."""
+    rod, bore = fo.Cylinder(8, 40, base=(0, 0, -10)), fo.Cylinder(8.05, 40, base=(0, 0, -10))
+    shaft = fo.cut(rod, fo.Box((40, 14, 80), centre=(0, 13, 10)), name="shaft")
+    hub = fo.cut(fo.Cylinder(16, 20), fo.cut(bore, fo.Box((40, 14, 80), centre=(0, 13.05, 10))), name="hub")
+    flat = fo.Size("flat", "movable", faces="+y", tolerance=0.5)
+    motion = fo.Translation("x") >> fo.Translation("y")
+    problem = fo.Problem(shaft, hub, sizes=[flat], made={"flat": off}, goal="clear", motion=motion)
+    words = (
+        r"does not fit: shaft (.*) in hub 14\.10+, between face \d+ \(facing -y\) and the bore of radius 8\.05 of hub"
+    )
+    found = re.fullmatch(words, verdict(problem))
+    assert fits == (verdict(problem) == "")
+    assert fits or (found and float(found[1]) == pytest.approx(14.0 + off, abs=1e-9))
+
+
+@pytest.mark.parametrize(("off", "overlap"), [(0.024, None), (0.08, 0.11 / 3.0)])
+def test_a_dovetail_that_two_flanks_and_a_top_hold_says_by_how_much_it_overlaps_at_best(
+    off: float, overlap: float | None
+) -> None:
+    """Flanks of 60 degrees: normals of three walls cancel, and the mean of their gaps is what any shift leaves."""
+    slope, play, top = np.sqrt(3.0), 0.02, 8.01
+    rail = fo.Prism([(-9, 0), (9, 0), (9 + 8 / slope, 8), (-9 - 8 / slope, 8)], 30.0, name="rail")
+    foot = 9 + 2 * play / slope
+    room = [(foot, 0), (40, 0), (40, 20), (-40, 20), (-40, 0), (-foot, 0)]
+    room += [(-foot - top / slope, top), (foot + top / slope, top)]
+    slide = fo.Prism(room, 20.0, base=(0, 0, 5), name="slide")
+    flanks = [{"through": (side * (9 + 4 / slope), 4, 15)} for side in (-1, 1)]
+    sizes = [fo.Size("flanks", "static", faces=flanks, each=(1.0, 1.0), tolerance=0.2)]
+    asked: dict[str, Any] = {"sizes": sizes, "made": {"flanks": off}, "goal": "clear"}
+    problem = fo.Problem(slide, rail, motion=fo.Translation("x") >> fo.Translation("y"), **asked)
+    words = verdict(problem)
+    if overlap is None:
+        assert words == ""
+        assert fo.solve(problem).usable
+    else:
+        least = f"slide and rail overlap by {overlap:.4g} or more, wherever shifted, between"
+        assert words.startswith(f"does not fit: {least}")
+        assert words.endswith(" of rail")
+        assert words.count("face ") == 3  # two flanks and the top
+    assert verdict(problem.changed(motion=fo.Translation("x") >> fo.Rotation("z"))) == ""  # what turns may make room
 
 
 # ---------------------------------------------------------------------------------------------------- what is no fit

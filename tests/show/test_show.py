@@ -658,7 +658,7 @@ def test_a_share_of_no_variance_stood_beside_a_yield_that_changes(capsys: pytest
     for impossible, told in ((0.014, True), (0.0, False)):
         print_yield(SimpleNamespace(contributions=[own], impossible=impossible))
         printed = " ".join(capsys.readouterr().out.split())
-        assert "of the amount's variance alone" in printed
+        assert " size of the amount's variance alone" in printed
         assert ("which pairs have no motion, and so no amount, shows in the yields alone" in printed) == told
 
 

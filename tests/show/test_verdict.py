@@ -19,7 +19,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.show import verdict
 from fcdm_opt.show.texts import advised, parameter_texts, telling
-from fcdm_opt.show.verdict import fit_text, labels_in_words, motion_said, verdict_text
+from fcdm_opt.show.verdict import answer_text, fit_text, labels_in_words, motion_said, verdict_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -371,6 +371,8 @@ def test_what_a_file_s_digits_leave_open_was_told_as_a_motion() -> None:
     moved = replace(single, parameters={"TZ": 3.6e-8}, amount=3.6e-8)
     assert verdict_text(moved).startswith("leave jaw where it is")
     assert verdict_text(moved).endswith("nothing to do")
+    assert "amount 0, proved at least 0; " in answer_text(moved)  # "amount 3.6e-08" stood beside it
+    assert "amount 3.6e-08" in answer_text(replace(exact, parameters={"TZ": 3.6e-8}, amount=3.6e-8))
 
 
 def test_the_clearance_asked_for_stood_in_no_table() -> None:

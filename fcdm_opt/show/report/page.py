@@ -21,7 +21,16 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import parts_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.texts import amount_text, asked_text, bound_line, listed, shown, status_text, study_facts
+from fcdm_opt.show.texts import (
+    amount_text,
+    asked_text,
+    bound_line,
+    listed,
+    seen_amount,
+    shown,
+    status_text,
+    study_facts,
+)
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -150,7 +159,7 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "verdict": assembly_verdict(solution),
         "picture": picture,
         "moved": solution.status.found,
-        "amount": amount_text(solution.amount, unit),
+        "amount": amount_text(seen_amount(solution), unit),
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": unsaid(solution),
