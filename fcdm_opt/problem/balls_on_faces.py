@@ -117,8 +117,8 @@ def corners_on_plane(feature: Feature, made: Sequence[Body], scales: Array) -> l
     one = norms(points - points[0]).argmax()
     two = norms(cross(points - points[0], points[one] - points[0])).argmax()
     kept = points[sorted({0, int(one), int(two)})]
-    face = Patch(Swept.plane(place, normal), 1.0)
-    return [BallOnFace(holder, point, 0.0, face, feature) for point in kept]
+    plane = Patch(Swept.plane(place, normal), 1.0)
+    return [BallOnFace(holder, point, 0.0, plane, feature) for point in kept]
 
 
 def _as_made(body: Body, k: int, scale: float) -> Patch:

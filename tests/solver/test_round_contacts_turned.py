@@ -1,7 +1,7 @@
 """Contacts as drawn of round parts, restored by motions that turn: closed forms."""
 
 import json
-from math import acos, cos, degrees, pi, radians, sin, sqrt
+from math import acos, cos, degrees, pi, sin, sqrt
 
 import numpy as np
 import pytest
