@@ -103,7 +103,8 @@ def balls_of(
                 along = scales[k] * ((ends - before[k].surface.origin) @ before[k].surface.axis)
                 return [*_on_plane(1 - k, ball.surface, other, along, feature)]
             if ball.surface.line is None:
-                return [*_of_sphere(1 - k, ball.surface, other, feature)]
+                fits = _alike(before[k].surface, before[1 - k])
+                return [*_of_sphere(1 - k, ball.surface, other, fits, feature)]
     return []
 
 
@@ -140,16 +141,19 @@ def _on_plane(holder: int, ball: Swept, plane: Patch, along: Array, feature: Fea
             yield BallOnFace(holder, ball.origin + (z + slope * radius) * ball.axis, float(radius), plane, feature)
 
 
-def _of_sphere(holder: int, ball: Swept, other: Patch, feature: Feature) -> Iterator[BallOnFace]:
-    """Yield a sphere on a round face, or where it touches that along a circle or all over three planes it is in."""
+def _alike(ball: Swept, other: Patch) -> bool:
+    """Tell whether a ball touches a hollow face all over or along a circle: one of its radius, or a conical one."""
+    surface, cone = other.surface, other.surface.line is not None and other.surface.line[1] != 0.0
+    return other.concave and (cone or bool(abs(surface.radius - ball.radius) <= DEFAULT.tie * ball.radius))
+
+
+def _of_sphere(holder: int, ball: Swept, other: Patch, fits: bool, feature: Feature) -> Iterator[BallOnFace]:
+    """Yield a sphere on a round face, or where it `fits` that the three planes its centre is in, if it still does."""
     surface, place = other.surface, other.surface.origin
-    alike = abs(surface.radius - ball.radius) <= DEFAULT.tie * ball.radius
-    if not other.concave or (alike is False and not (surface.line and surface.line[1])):
+    if not fits:
         yield BallOnFace(holder, ball.origin, float(ball.radius), other, feature)
-        return
-    if surface.line is not None:
-        if not surface.line[1]:  # a ball in a bore of its radius
-            return
-        place = place + (ball.radius - surface.radius) / surface.line[1] * surface.axis
-    for normal in np.eye(3):
-        yield BallOnFace(holder, ball.origin, 0.0, Patch(Swept.plane(place, normal), 1.0), feature)
+    elif _alike(ball, other) and not (surface.line and not surface.line[1]):  # no ball in a bore of its radius
+        if surface.line is not None:
+            place = place + (ball.radius - surface.radius) / surface.line[1] * surface.axis
+        for normal in np.eye(3):
+            yield BallOnFace(holder, ball.origin, 0.0, Patch(Swept.plane(place, normal), 1.0), feature)
