@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import islice, product
 from typing import Any
 
@@ -31,7 +30,6 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.task import Task
-from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import expand_active_parts
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution
@@ -222,23 +220,16 @@ def _other_motions(problem: Problem, task: Task, q: Array) -> list[str]:
         nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
         if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
             continue
-        most = amount * (1.0 + DEFAULT.tied)
-        other, pose = _least(problem, limits, most)
-        if (
-            other > most and pose is not None and problem.exact_at is not None
-        ):  # parts within touch later than true ones
-            exact = exact_where(problem, partial(_least_poses, limits=limits, most=most))
-            other, _ = _least(exact, limits, most)
+        other = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
         if other < amount * (1.0 - DEFAULT.tied):
             return [f"not the least motion: there is one of amount {number_text(other)}"]
         if other <= amount * (1.0 + DEFAULT.tied):
-            where = f"{problem.motion.names[k]} {'above' if side == 0 else 'below'} {number_text(q[k])}"
-            return [f"a tie: another motion is as small, with {where}"]
+            return ["a tie: another motion is as small"]
     return []
 
 
-def _least(problem: Problem, limits: Array, most: float) -> tuple[float, Array | None]:
-    """Return the least amount of a question within other limits and the pose of body 1, inf and None without a motion.
+def _least(problem: Problem, limits: Array, most: float) -> float:
+    """Return the least amount of a question within other limits, infinite where no motion is found.
 
     For tracked contacts without the last stage, which takes long to find nothing. Of large bodies with as many parts as
     a motion of at most so much needs: in the way of others there may be parts that the one found never came near.
@@ -251,18 +242,12 @@ def _least(problem: Problem, limits: Array, most: float) -> tuple[float, Array |
             if answer is not None or name == last:
                 break
         if answer is None or answer.q is None:
-            return np.inf, None
+            return np.inf
         amount = task.amount(answer.q)
         further = None if amount > most else expand_active_parts(problem, task.transform(answer.q), 0.0)
         if further is None:
-            return amount, task.transform(answer.q)
+            return amount
         problem = further
-
-
-def _least_poses(problem: Problem, limits: Array, most: float) -> list[Array]:
-    """Return the pose of `_least`, none without one."""
-    _, pose = _least(problem, limits, most)
-    return [] if pose is None else [pose]
 
 
 def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:
