@@ -62,12 +62,6 @@ MOST_MET = 6  # contacts of a switching point that are listed: round faces meet 
 DOUBT_WIDTH = 14  # characters, of what is said below an amount
 
 
-def slope(segment: Any) -> float:
-    """Return d rho_2 / d rho_1 of a segment, infinite for a vertical one."""
-    a, b, _ = segment.line
-    return float(-a / b) if b else math.inf
-
-
 def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
     for curve, names in curves.items():
@@ -87,7 +81,7 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
                 **{name: f"{x:.6f}" for name, x in zip("abc", s.line, strict=True)},
                 "from": _point(s.start),
                 "to": _point(s.end),
-                "slope": f"{slope(s):.6f}" if s.line[1] else "vertical",
+                "slope": f"{s.slope:.6f}" if s.line[1] else "vertical",
             }
             for s in curve.segments
         ]
