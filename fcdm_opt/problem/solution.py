@@ -265,11 +265,7 @@ class Sensitivity(ShortRepr, Plain):
         each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
         many = ((name, name.split(","), x) for name, x in self.faces.items() if x)
         each |= {name if len(own) <= MOST_CORNERS else f"{','.join(own[:3])},... {own[-1]}": x for name, own, x in many}
-        known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
-        lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
-        lines += [f"  by {name}: none" for name, x in self.sizes.items() if np.isnan(x)]
-        first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
-        return "\n".join([first, *lines, *(f"  of the motion {why}" for why in self.motion_reasons)])
+        return "\n".join([told_derivatives(self, each), *(f"  of the motion {why}" for why in self.motion_reasons)])
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
@@ -280,6 +276,15 @@ class Sensitivity(ShortRepr, Plain):
             "motion_reasons": (),
         }
         return super().from_dict({**unknown, **data})
+
+
+def told_derivatives(derivatives: Any, each: Mapping[str, Any]) -> str:
+    """Return a table of derivatives of the amount by their names, of sizes also that there is none, and why."""
+    known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
+    lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
+    lines += [f"  by {name}: none" for name, x in derivatives.sizes.items() if np.isnan(x)]
+    first = "derivatives of the amount" if lines else "the amount depends on nothing that is listed, to first order"
+    return "\n".join([first if derivatives.exists else f"no derivative: {'; '.join(derivatives.reasons)}", *lines])
 
 
 def quaternion_of(transform: Array) -> tuple[float, float, float, float]:

@@ -13,7 +13,7 @@ from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.plain import ShortRepr, plain
+from fcdm_opt.plain import Plain, ShortRepr, plain
 from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -109,7 +109,7 @@ class FamilyRow(PlainMotion):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Comparison(ShortRepr):
+class Comparison(ShortRepr, Plain):
     """Families of motions, cheapest first; those without a usable motion last.
 
     Attributes
@@ -119,6 +119,9 @@ class Comparison(ShortRepr):
         Length that turns radians into lengths, the same for all families; of an assembly the least of its parts'.
     table : tuple of FamilyRow
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("length", "best", "rows")
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"best": str | None, "rows": tuple[FamilyRow, ...]}
 
     problem: Scene = field(repr=False)
     length: float
