@@ -22,10 +22,10 @@ from fcdm_opt.problem.solution import (
     Bounded,
     Solution,
     Status,
+    derivatives_text,
     kept_clear,
     nearest_miss,
     quaternion_of,
-    told_derivatives,
 )
 from fcdm_opt.tolerances import DEFAULT
 
@@ -73,7 +73,7 @@ class AssemblySensitivity(ShortRepr, Plain):
 
     def __str__(self) -> str:
         """Return a table of the derivatives that there are, and why others are missing."""
-        return told_derivatives(self, {**{f"scale of {part}": x for part, x in self.scales.items()}, **self.sizes})
+        return derivatives_text(self, {**{f"scale of {part}": x for part, x in self.scales.items()}, **self.sizes})
 
 
 class ByPart(dict[str, Any]):

@@ -196,11 +196,14 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
 
     The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is.
     """
+    known = dict[tuple[str, ...], str]()  # range in words -> the case that it is told of
     for coherent, times in rows:
         at_contact = list[str]()
         if coherent is not None:
             problem, direction = coherent.problem, coherent.direction
-            head, *ends = range_texts(coherent)
+            words = tuple(range_texts(coherent))
+            head, *ends = words if words not in known else (f"range as of {known[words]}",)
+            known.setdefault(words, problem.name)
             if not coherent.proved:
                 ends.append("a condition touches zero at rest: what is near there is not proved")
             asked = problem if isinstance(times, str) else cast("Problem", times.problem)

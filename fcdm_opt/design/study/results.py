@@ -199,8 +199,8 @@ class StudyResult(NotebookRepr, Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
-        told = {name: getattr(self, name) for name in self.plain_names}
-        return {**self.definition, **plain({**told, "rows": self.rows()})}
+        known = {name: getattr(self, name) for name in self.plain_names}
+        return {**self.definition, **plain({**known, "rows": self.rows()})}
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for every point, in order, all with the same columns.

@@ -224,11 +224,15 @@ def result_schema(command: str, answers: Mapping[str, Sequence[Any]], about: str
     needed = {"case": ["name"], "file": ["file"], "document": []}[about]
     failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": [*needed, "error"]}
     whole: dict[str, Any] = {"anyOf": [*under.pop("")["anyOf"], failed]} if "" in under else {}
-    told = {own: (under, whole) if own == about else ({}, {}) for own in ("case", "file", "document")}
-    case = {"type": "object", "properties": {"name": {"type": "string"}, **told["case"][0]}, **told["case"][1]}
+    members_of = {own: (under, whole) if own == about else ({}, {}) for own in ("case", "file", "document")}
+    case = {
+        "type": "object",
+        "properties": {"name": {"type": "string"}, **members_of["case"][0]},
+        **members_of["case"][1],
+    }
     texts = {key: {"type": "string"} for key in ("file", "title", "note", "error")}
     cases = {"cases": {"type": "array", "items": case}} if about == "case" else {}
-    file = {"type": "object", "properties": {**texts, **cases, **told["file"][0]}, "required": ["file"]}
+    file = {"type": "object", "properties": {**texts, **cases, **members_of["file"][0]}, "required": ["file"]}
     return {
         "$schema": DIALECT,
         "$id": f"urn:fcdm-opt:{'' if command == 'solve' else f'{command}-'}result",
@@ -242,6 +246,6 @@ def result_schema(command: str, answers: Mapping[str, Sequence[Any]], about: str
             "files": {"type": "array", "items": file},
         },
         "required": ["schema", "version"],
-        **told["document"][1],
+        **members_of["document"][1],
         "$defs": known,
     }

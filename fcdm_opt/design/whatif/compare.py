@@ -182,7 +182,7 @@ def compare(
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
-    notes = _checked(rows) if motions is None else {}
+    notes = {**_other_centres(rows), **(_checked(rows) if motions is None else {})}
     table = (replace(row, tied=_tied(row, rows), note=row.note or notes.get(row.name, "")) for row in rows)
     return Comparison(problem=problem, length=problem.turning_length, table=tuple(table))
 
@@ -234,6 +234,23 @@ def _tied(row: FamilyRow, rows: list[FamilyRow]) -> tuple[str, ...]:
     return tuple(
         other.name for other, slack in zip(others, near, strict=True) if abs(other.amount - row.amount) <= slack
     )
+
+
+def _other_centres(rows: list[FamilyRow]) -> dict[str, str]:
+    """Return through which points families turn, in words, where others do not turn about these."""
+    centres = dict[str, str]()
+    for row in rows:
+        if row.motion is not None and any(kind == "rotation" for _, kind in row.motion.parameters):
+            points = {point for step in row.motion.steps for point in step.own_fixed_points or ()}
+            places = [f"({', '.join(map(number_text, point))})" for point in sorted(points)]
+            centres[row.name] = " and ".join(places)
+    if len({*centres.values()}) < 2:
+        return {}
+    return {
+        name: f"it turns through {points}, others do not: angles are not to be compared"
+        for name, points in centres.items()
+        if points
+    }
 
 
 def _checked(rows: list[FamilyRow]) -> dict[str, str]:
