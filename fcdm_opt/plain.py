@@ -108,7 +108,7 @@ def schema_of(kind: Any, known: dict[str, Any]) -> dict[str, Any]:
     inner, plain_class = get_args(kind), isinstance(kind, type) and issubclass(kind, Plain)
     if get_origin(kind) is UnionType:
         return {"anyOf": [schema_of(own, known) for own in inner]}
-    if get_origin(kind) is Mapping:
+    if get_origin(kind) in (Mapping, dict):
         return {"type": "object", "additionalProperties": schema_of(inner[1], known)}
     if get_origin(kind) is tuple and inner[-1] is not Ellipsis:
         parts = [schema_of(own, known) for own in inner]

@@ -36,6 +36,8 @@ class CommandRow:
         What is said where it is given more than it takes.
     answers : dict
         By key of a case in its JSON document, "" for the case itself: the classes, as module:class of this package.
+    about : "case", "file" or "document"
+        What these keys are of.
     lent : str
         Its help in a sentence where the package `fcdm_opt_benchmarks` brings it, see `LentCommand`.
     """
@@ -46,6 +48,7 @@ class CommandRow:
     assemblies: bool = False
     surplus: str = ""
     answers: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    about: str = "case"
     lent: str = ""
 
     def lines(self, name: str) -> str:
@@ -76,6 +79,7 @@ peg.stl plate.stl --unit mm --out peg.toml --force""",
         question=LEAST, ends={**WELL, **BAD},
         examples="""problems/example1.toml
 problems/example1.toml --out out""",
+        answers={"curves": ("curve.decision_curve:DecisionCurveList",)}, about="file",
     ),
     "solve": CommandRow(
         question=LEAST, assemblies=True, ends={**ANSWERED, **BAD, **WRONG},
@@ -146,6 +150,7 @@ problems/peg_tapered.toml --case A --clearance=-inf,0.5""",
     ),
     "faces": CommandRow(
         question=OTHERWISE, assemblies=True, ends={**WELL, **BAD}, examples="problems/slot_and_key.toml",
+        answers={"faces": ("show.stacks:FacesByRole",)}, about="file",
     ),
     "stack": CommandRow(
         question=OTHERWISE, assemblies=True,
@@ -166,6 +171,7 @@ problems/slot_and_key.toml --gap 0.04,0.12 --cost key_width=1""",
             NOT_VERIFIED: "a point that failed, is left, or was not verified",
         },
         examples="problems/studies/tolerance_example1.toml --out out/tolerance",
+        answers={"": ("design.study.results:StudyResult",)}, about="document",
     ),
     "bench": CommandRow(
         question=FAST, ends={**WELL, **BAD, NOT_VERIFIED: "an answer of ours is wrong"},

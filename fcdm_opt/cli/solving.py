@@ -66,7 +66,7 @@ def curve_command(
         unit = next((problem.unit for problem in file.problems), "")  # a file has one
         made = {problem.curve: bool(problem.made) for problem in file.problems}
         shared = {"unit": unit} if unit else {}
-        inquiry.say_of("curves", [{"cases": names, **shared, **_curve_data(curve)} for curve, names in found.items()])
+        inquiry.say_of("curves", [{"cases": names, **shared, **curve.to_dict()} for curve, names in found.items()])
         if found and not as_json:
             inquiry.print_head(file)
             print_curves(found)
@@ -207,20 +207,3 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
     along = motion.describe(list(found.values()), unit=problem.unit)
     say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {along}")
     return found
-
-
-def _curve_data(curve: DecisionCurve) -> dict[str, Any]:
-    from fcdm_opt.show.tables import slope
-
-    def told(what: Any, *names: str) -> dict[str, Any]:
-        return {name: getattr(what, name) for name in names}
-
-    segment = ("index", "configuration", "line", "start", "end", "parts", "snug")
-    point = ("index", "rho", "kind", "configurations", "label", "contacts", "contact_sets")
-    return {
-        "movable": curve.movable.name,
-        "static": curve.static.name,
-        **told(curve, "box", "status", "paths"),
-        "segments": [{"feature": s.feature.label, "slope": slope(s), **told(s, *segment)} for s in curve.segments],
-        "switching_points": [told(each, *point) for each in curve.switching_points],
-    }

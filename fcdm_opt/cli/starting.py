@@ -26,7 +26,8 @@ FILE = "File to write. Default: MOVABLE-STATIC.toml here."
 UNIT = 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".'
 CHORD = "How far triangles may leave curved faces of STEP files at most, in that unit."
 KIND = (
-    '"problem", "study", "assembly" or "result", what solve --json writes; or another command that has cases, as map.'
+    '"problem", "study" or "assembly"; or what a command writes with --json: "result" of solve, "study-result", '
+    '"curve", "range", "whatif", "map", "pose", "faces", "stack".'
 )
 
 
@@ -68,10 +69,13 @@ def schema_command(
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
     TOML (taplo) then complete keys, show what they mean, and mark what is wrong.
     """
-    from fcdm_opt.design.study.schema import json_schema, result_schema
+    from fcdm_opt.design.study.schema import KINDS, json_schema, result_schema
 
-    kinds = ROWS[what].kinds() if what in ROWS else {}
-    schema = result_schema(what, kinds) if kinds else json_schema(what)
+    results = {name + "-result" * (name in KINDS): name for name, row in ROWS.items() if row.answers}
+    if what not in (*KINDS, *results):
+        raise InputError("no such kind", key="--what", found=what, allowed=", ".join((*KINDS, *results)))
+    row = ROWS[results[what]] if what in results else None
+    schema = result_schema(results[what], row.kinds(), row.about) if row else json_schema(what)
     typer.echo(json.dumps(schema, indent=2, ensure_ascii=False))
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -34,6 +34,7 @@ from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.lazy_import import NotebookRepr
+from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
 DEFAULT_BOX: Box = ((0.8, 3.0), (0.8, 3.0))
@@ -43,7 +44,7 @@ REMEMBERED = 128  # answers about scale pairs that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class DecisionCurve(NotebookRepr):
+class DecisionCurve(NotebookRepr, Plain):
     """The decision curve of two bodies; build it with `decision_curve`.
 
     Everything is computed for the whole quadrant; the box only clips what is listed and numbered.
@@ -58,10 +59,17 @@ class DecisionCurve(NotebookRepr):
         Of rho_1 and rho_2.
     """
 
+    plain_names = ("movable", "static", "box", "status", "paths", "segments", "switching_points")
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"movable": str, "static": str}
+
     movable: Body
     static: Body
     transform: Array
     box: Box
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is in the box as plain data, the bodies by their names."""
+        return {**super().to_dict(), "movable": self.movable.name, "static": self.static.name}
 
     def __repr__(self) -> str:
         """Return whose curve it is, and the box, on one line; nothing is worked out for it."""
@@ -512,6 +520,7 @@ def drawn_curve(movable: Body, static: Body, box: Box) -> DecisionCurve:
     return curve
 
 
+DecisionCurveList = tuple[DecisionCurve, ...]
 CurveStatus = Literal["contact", "apart", "overlapping"]
 _STATUS: dict[int, CurveStatus] = {
     kernels.CONTACT: "contact", kernels.WALKED: "apart", kernels.OVERLAPPING: "overlapping",

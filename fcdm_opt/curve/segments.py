@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,13 +16,14 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
 Box = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class Segment(Plain):
     """One straight piece of the curve: one contact feature.
 
     Attributes
@@ -43,6 +45,8 @@ class Segment:
         The unclipped stretch, and the pieces of the part pairs in it.
     """
 
+    plain_names = ("index", "feature", "configuration", "slope", "line", "start", "end", "parts", "snug")
+
     feature: Feature
     line: Array
     normal: Array
@@ -60,6 +64,12 @@ class Segment:
         return f"Segment({self.index}: {self.feature}, {a} rho_1 + {b} rho_2 = {c}, from ({start}) to ({end}))"
 
     @property
+    def slope(self) -> float:
+        """The derivative of rho_2 by rho_1 along it, infinite where it is vertical."""
+        a, b, _ = self.line
+        return float(-a / b) if b else math.inf
+
+    @property
     def configuration(self) -> Configuration:
         """Which of the seven contact configurations it is, see `Contact.configuration`."""
         return self.run.whole.contact.configuration
@@ -75,7 +85,7 @@ class Segment:
 
 
 @dataclass(frozen=True, eq=False)
-class SwitchingPoint:
+class SwitchingPoint(Plain):
     """Where two segments meet, or a point of the curve on no segment: a fit without play, overlap on all sides.
 
     Attributes
@@ -97,6 +107,8 @@ class SwitchingPoint:
     alone : bool
         Whether no segment leads to it.
     """
+
+    plain_names = ("index", "rho", "kind", "configurations", "label", "contacts", "contact_sets")
 
     rho: Array
     features: tuple[Feature, Feature]

@@ -39,7 +39,7 @@ from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
-from fcdm_opt.problem.solution import IN_TIME, Bounded, Certificate, Check, Solution, Status, kept_clear
+from fcdm_opt.problem.solution import IN_TIME, UNCLAIMED, Bounded, Certificate, Check, Solution, Status, kept_clear
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 Judged = TypeVar("Judged", bound=Bounded)
@@ -72,7 +72,8 @@ def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = Fal
         Check the lower bound too: that the evidence, cell by cell, shows that no motion does whose amount is smaller
         (see `proof.checker`). A bound without evidence passes where the distance of the parts at rest shows as much, or
         evidence that is found anew, as with `certify`, which takes as long.
-        Of one pose for all sizes its evidence, where it carries some.
+        Of one pose for all sizes its evidence, where it carries some. Of a solution without a bound it is told that
+        no smaller motion was excluded.
 
     Returns
     -------
@@ -169,7 +170,8 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
             claimed *= 1.0 - ANEW
         check = Check("proof: lower bound", claimed <= shown, shown, claimed, why)
         if evidence is None:
-            return () if claimed == 0.0 else (check,)
+            unclaimed = claimed == 0.0 and solution.amount > solution.problem.contact_slack
+            return (check._replace(note=UNCLAIMED),) if unclaimed else () if claimed == 0.0 else (check,)
     from fcdm_opt.judge.multipliers import check_multipliers
     from fcdm_opt.proof.checker import check_evidence
 

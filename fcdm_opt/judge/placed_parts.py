@@ -29,7 +29,7 @@ from fcdm_opt.problem.assembly import CLEAR, JoinedPair
 from fcdm_opt.problem.contacts_restored import restores, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import Bounded, Check, Solution, Status
+from fcdm_opt.problem.solution import UNCLAIMED, Bounded, Check, Solution, Status
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 
@@ -116,6 +116,7 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
             shown.append(assembly.weights[pair.one] * own.lower_bound)
     least, bound = hypot(*shown), solution.lower_bound
     passed, why = bound <= least + DEFAULT.requirement * bound, "of all contacts that share no motion"
+    why = UNCLAIMED if bound == 0.0 and solution.amount > DEFAULT.touch * assembly.size else why
     if not passed and solution.evidence is None:  # found anew, of all contacts at once
         return proofs_of(replace(solution, evidence=(SharedBound(tuple(own[:2] for own in assembly.contacts), bound),)))
     return (*checks, Check(f"{PROOF}lower bound", passed, least, bound, why))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -71,12 +72,17 @@ class ContactRow:
         Raises
         ------
         InputError
-            For a name that is no input of the function, and where one is missing.
+            For a name that is no input of the function, a value of another shape, and where one is missing.
         """
         names = self.function.name_in()
-        for name in given:
+        for name, value in given.items():
             if name not in names:
                 raise InputError("no such input", key=name, found=self.name, allowed=", ".join(names))
+            (rows, columns), found = self.function.size_in(name), getattr(value, "shape", None) or np.shape(value)
+            several = len(found) == 2 and found[0] == rows and found[1] % columns == 0  # values side by side
+            if math.prod(found) not in (1, rows * columns) and not several:
+                allowed = f"{rows} numbers" if columns == 1 else f"{rows} by {columns} numbers"
+                raise InputError(f"another shape than {self.name} takes", key=name, found=found, allowed=allowed)
         missing = [name for name in names if name not in given and name not in self.numbers]
         if missing:
             raise InputError("an input is missing", key=missing[0], found=self.name, allowed=", ".join(names))

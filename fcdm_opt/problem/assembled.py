@@ -13,11 +13,20 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.lazy_import import imported
-from fcdm_opt.plain import Plain, agree, plain
+from fcdm_opt.plain import Plain, ShortRepr, agree, plain
 from fcdm_opt.problem.assembly import Assembly, JoinedPair
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.fit import verdict
-from fcdm_opt.problem.solution import UNMET, Bounded, Solution, Status, kept_clear, nearest_miss, quaternion_of
+from fcdm_opt.problem.solution import (
+    UNMET,
+    Bounded,
+    Solution,
+    Status,
+    derivatives_text,
+    kept_clear,
+    nearest_miss,
+    quaternion_of,
+)
 from fcdm_opt.tolerances import DEFAULT
 
 IN_PLACE = "status"
@@ -34,8 +43,8 @@ def kept_clear_by(part: str, keep_out: str) -> str:
     return f"{part}: {kept_clear(keep_out)}"
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AssemblySensitivity(Plain):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class AssemblySensitivity(ShortRepr, Plain):
     """First derivatives of the least amount of an assembly, and of its motions, each by one datum.
 
     Attributes
@@ -61,6 +70,10 @@ class AssemblySensitivity(Plain):
     sizes: Mapping[str, float]
     motion_by_scale: Mapping[str, Array]
     motion_by_size: Mapping[str, Array]
+
+    def __str__(self) -> str:
+        """Return a table of the derivatives that there are, and why others are missing."""
+        return derivatives_text(self, {**{f"scale of {part}": x for part, x in self.scales.items()}, **self.sizes})
 
 
 class ByPart(dict[str, Any]):

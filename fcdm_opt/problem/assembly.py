@@ -204,8 +204,9 @@ class Assembly(Scene):
                 raise InputError("the name is that of a part", key=f"keep_out[{k}]", found=other.name, allowed=allowed)
         resting = tuple(part for part in bodies if part not in moved)
         if not resting or not moved:
-            what = "some parts must be without a motion: those that are fixed; and some with one"
-            raise InputError(what, key="motions", found=", ".join(moved) or "none", allowed="some of the parts")
+            what = "no part is fixed: each has a motion" if moved else "no part has a motion"
+            allowed = "motions of at least one part, and not of all: parts without one are fixed"
+            raise InputError(what, key="motions", found=", ".join(moved) or "none", allowed=allowed)
         joined = _joined(contacts, bodies)
         for k, pair in enumerate(joined, 1):
             if not {*pair[:2]} & {*moved}:

@@ -122,6 +122,9 @@ def kept_clear(name: str) -> str:
     return f"keep-out {name!r}: clearance"
 
 
+UNCLAIMED = "no bound is claimed: that no smaller motion will do was not checked"
+"""Note of the check of a proof where there is none."""
+
 UNMET = "cannot be met"
 """Of a contact of an assembly that no motion meets."""
 
@@ -163,6 +166,7 @@ class Certificate(ShortRepr, Plain, NotebookRepr):
         """Return how many checks passed, and each that did not with its number and limit."""
         failed = [f"  {own.name}: {own.value:.6g}, limit {own.limit:.6g}; {own.note}" for own in self.failed]
         told = f"{len(self.checks) - len(failed)} of {len(self.checks)} checks passed"
+        told += f"; {UNCLAIMED}" * any(own.note == UNCLAIMED for own in self.checks)
         return "\n".join([f"{told}; not:" if failed else told, *failed])
 
     @property
@@ -265,11 +269,7 @@ class Sensitivity(ShortRepr, Plain):
         each |= {f"clearance of {name}": x for name, x in self.keep_out.items()}
         many = ((name, name.split(","), x) for name, x in self.faces.items() if x)
         each |= {name if len(own) <= MOST_CORNERS else f"{','.join(own[:3])},... {own[-1]}": x for name, own, x in many}
-        known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
-        lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
-        lines += [f"  by {name}: none" for name, x in self.sizes.items() if np.isnan(x)]
-        first = "derivatives of the amount" if self.exists else f"no derivative: {'; '.join(self.reasons)}"
-        return "\n".join([first, *lines, *(f"  of the motion {why}" for why in self.motion_reasons)])
+        return "\n".join([derivatives_text(self, each), *(f"  of the motion {why}" for why in self.motion_reasons)])
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Sensitivity:
@@ -280,6 +280,15 @@ class Sensitivity(ShortRepr, Plain):
             "motion_reasons": (),
         }
         return super().from_dict({**unknown, **data})
+
+
+def derivatives_text(derivatives: Any, each: Mapping[str, Any]) -> str:
+    """Return a table of derivatives of the amount by their names, of sizes also that there is none, and why."""
+    known = {name: x for name, x in each.items() if np.isfinite(x).all() and np.any(x)}
+    lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
+    lines += [f"  by {name}: none" for name, x in derivatives.sizes.items() if np.isnan(x)]
+    first = "derivatives of the amount" if lines else "the amount depends on nothing that is listed, to first order"
+    return "\n".join([first if derivatives.exists else f"no derivative: {'; '.join(derivatives.reasons)}", *lines])
 
 
 def quaternion_of(transform: Array) -> tuple[float, float, float, float]:

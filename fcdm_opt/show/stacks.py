@@ -11,7 +11,7 @@ from dataclasses import replace
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -53,11 +53,25 @@ HEIGHTS, HEAD, FOOT, SIDE, NAME = (1.6, 3.4), 0.3, 0.3, 0.3, 24
 """Inches: least and most that a body may be high there, above it, below all, and beside it; letters of its name."""
 
 
-def listed_faces(body: Body) -> list[dict[str, Any]]:
-    """Return the faces of a body: label, name, outward normal, where its plane is, area, corners.
+class ListedFace(NamedTuple):
+    """A face of a body: label, name, outward normal and plane in words, area, numbers of its corners.
 
     The area, length units squared, is None where only the parts are known, whose cuts may go on in a face's plane.
     """
+
+    face: str
+    name: str
+    normal: str
+    plane: str
+    area: float | None
+    vertices: tuple[int, ...]
+
+
+FacesByRole = Mapping[str, tuple[ListedFace, ...]]
+
+
+def listed_faces(body: Body) -> tuple[ListedFace, ...]:
+    """Return the faces of a body."""
     normals, points = body.face_planes
     pieces: Any = body.triangles or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
     corners = body.vertices if body.triangles else body.parts[0].vertices
@@ -66,17 +80,10 @@ def listed_faces(body: Body) -> list[dict[str, Any]]:
     if not body.triangles and len(body.parts) == 1:  # facets in the order of faces
         areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
     names = names_of_rows(body)
-    return [
-        {
-            "face": f"F{k + 1}",
-            "name": names[k],
-            "normal": direction(normals[k]),
-            "plane": direction_level(normals[k], points[k]),
-            "area": areas[k],
-            "vertices": list(face),
-        }
+    return tuple(
+        ListedFace(f"F{k + 1}", names[k], direction(normals[k]), direction_level(normals[k], points[k]), areas[k], face)
         for k, face in enumerate(body.faces)
-    ]
+    )
 
 
 def print_faces(body: Body, role: str) -> None:
@@ -91,7 +98,7 @@ def print_faces(body: Body, role: str) -> None:
         for k, (surface, own_rows) in enumerate(rings, 1)
         for row in own_rows
     }
-    listed = [{**face, "name": tori.get(tuple(face["vertices"]), face["name"])} for face in listed_faces(body)]
+    listed = [{**own._asdict(), "name": tori.get(own.vertices, own.name)} for own in listed_faces(body)]
     for name, own in groupby(sorted(listed, key=_place), key=lambda face: face["name"]):
         face, *others = own
         if others:

@@ -63,12 +63,6 @@ MOST_MET = 6  # contacts of a switching point that are listed: round faces meet 
 DOUBT_WIDTH = 14  # characters, of what is said below an amount
 
 
-def slope(segment: Any) -> float:
-    """Return d rho_2 / d rho_1 of a segment, infinite for a vertical one."""
-    a, b, _ = segment.line
-    return float(-a / b) if b else math.inf
-
-
 def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
     """Print the curve of each pair of bodies, with the cases that share it."""
     for curve, names in curves.items():
@@ -88,7 +82,7 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
                 **{name: f"{x:.6f}" for name, x in zip("abc", s.line, strict=True)},
                 "from": _point(s.start),
                 "to": _point(s.end),
-                "slope": f"{slope(s):.6f}" if s.line[1] else "vertical",
+                "slope": f"{s.slope:.6f}" if s.line[1] else "vertical",
             }
             for s in curve.segments
         ]
@@ -203,11 +197,14 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
 
     The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is.
     """
+    known = dict[tuple[str, ...], str]()  # range in words -> the case that it is told of
     for coherent, times in rows:
         at_contact = list[str]()
         if coherent is not None:
             problem, direction = coherent.problem, coherent.direction
-            head, *ends = range_texts(coherent)
+            words = tuple(range_texts(coherent))
+            head, *ends = words if words not in known else (f"range as of {known[words]}",)
+            known.setdefault(words, problem.name)
             if not coherent.proved:
                 ends.append("a condition touches zero at rest: what is near there is not proved")
             asked = problem if isinstance(times, str) else cast("Problem", times.problem)

@@ -21,6 +21,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
 from fcdm_opt.show.family import family_figure
+from fcdm_opt.show.tables import print_ranges
 from fcdm_opt.show.verdict import range_texts
 
 WIDE = ((0.05, 20.0), (0.05, 20.0))
@@ -565,3 +566,12 @@ def test_pairs_of_parts_that_turn_beside_each_other_were_looked_at_in_every_step
     times = fo.contact_times(asked, {"RZ": 1.0}, limit=0.1)
     assert [touch.x for touch in times.touches] == pytest.approx([-math.asin(4e-4), math.asin(4e-4)], abs=1e-12)
     assert 0 < counts["_ways"] < 0.5 * len(plate.parts) * counts["bound"]
+
+
+def test_a_range_was_told_once_more_for_each_case_of_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = [tip(fo.Translation("x"), name=name) for name in "ABC"]
+    print_ranges([(fo.coherent_range(own), fo.contact_times(own)) for own in asked])
+    told = capsys.readouterr().out
+    assert told.count("along TX") == 1
+    assert "B: range as of A" in told
+    assert "C: range as of A" in told

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from cases import CUBE, box_shape
 
+import fcdm_opt as fo
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.problem.solution import UNLIMITED, Certificate, Check, Solution, Status
+from fcdm_opt.problem.solution import UNCLAIMED, UNLIMITED, Certificate, Check, Solution, Status
 from fcdm_opt.solver import solve
 
 CROSSING = box_shape((3, 3, -1), (5, 7, 1))  # lines rho_1 + rho_2 = 4 and rho_1 + 2 rho_2 = 5, crossing at (3, 1)
@@ -272,3 +273,46 @@ def test_features_are_read_back_as_features():
     again = Solution.from_dict(through_json(solution("solved").to_dict()))
     assert all(isinstance(feature, Feature) for feature in again.features)
     assert again.features == solution("solved").features
+
+
+# ------------------------------------------------------------------------------------- what was printed or told nowhere
+
+
+def blocks() -> dict[str, Any]:
+    """Half a width of each is 1, and they touch: larger by .01 one overlaps by that, by 1 per unit of either scale."""
+    return {"a": fo.Box((2, 2, 2), name="a"), "c": fo.Box((2, 6, 6), centre=(2, 0, 0), name="c")}
+
+
+def test_derivatives_of_an_assembly_were_printed_as_a_raw_dataclass() -> None:
+    motions, scales = {"a": Translation("x")}, {"a": 1.01}
+    solved = fo.solve(fo.Assembly(parts=blocks(), contacts=[("a", "c")], motions=motions, scales=scales))
+    told = str(solved.sensitivity).splitlines()
+    assert told == ["derivatives of the amount", "  by scale of a: 1.0", "  by scale of c: 1.0"]
+
+
+def test_derivatives_of_nothing_had_a_heading_alone() -> None:
+    told = str(solution("satisfied").sensitivity)
+    assert told == "the amount depends on nothing that is listed, to first order"
+
+
+def test_a_solution_without_a_bound_was_verified_without_a_word_on_the_smallest() -> None:
+    solved = solution("solved")
+    assert UNCLAIMED not in str(verify(solved, proof=True))
+    unbounded = verify(replace(solved, lower_bound=0.0, evidence=None), proof=True)
+    assert unbounded.passed
+    assert str(unbounded).endswith(UNCLAIMED)
+    assert UNCLAIMED not in str(verify(solution("satisfied"), proof=True))  # of amount 0 nothing is smaller
+
+
+def test_an_assembly_without_a_fixed_part_is_refused_in_words() -> None:
+    every = {part: Translation("x") for part in blocks()}
+    for motions, what in ((every, "no part is fixed: each has a motion"), ({}, "no part has a motion")):
+        with pytest.raises(InputError, match=what):
+            fo.Assembly(parts=blocks(), contacts=[("a", "c")], motions=motions)
+
+
+def test_plain_data_that_tell_less_than_all_say_so_when_read() -> None:
+    asked_again = fo.Problem(*blocks().values(), tolerance=0.02, requirement="A", goal="touch", motion=Translation("x"))
+    for found in (asked_again.curve, fo.clearances(asked_again), fo.compare(asked_again, {"x": Translation("x")})):
+        with pytest.raises(InputError, match="cannot be read back"):
+            type(found).from_dict(through_json(found.to_dict()))

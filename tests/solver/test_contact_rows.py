@@ -231,6 +231,9 @@ def test_several_features_are_to_be_named():
     with pytest.raises(fo.InputError, match="not one value for each motion parameter"):
         fo.contact_rows(asked(), at=[0.0])
     rows = fo.contact_rows(asked())
+    with pytest.raises(fo.InputError, match=r"another shape than motion takes; found \(2,\); allowed: 6 numbers"):
+        rows.motion(q=[0, 0])
+    assert rows.motion(q=np.zeros((6, 3)))["transform"].shape == (4, 12)  # several side by side
     with pytest.raises(fo.InputError, match="no such input"):
         rows.contacts[0](q=np.zeros(6), plane=np.zeros(4))
     with pytest.raises(fo.InputError, match="missing"):

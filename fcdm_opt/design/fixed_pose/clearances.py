@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class EndOfRange(Plain):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Clearances(NotebookRepr):
+class Clearances(NotebookRepr, Plain):
     """The gap of all size pairs at one pose.
 
     The gap is the signed distance of the two bodies, what a gauge measures: the Euclidean distance where they are
@@ -135,6 +135,12 @@ class Clearances(NotebookRepr):
         What is told of the range, which `verify` looks at.
     """
 
+    plain_names = (
+        "transform", "box", "least", "most", "doubt", "source", "standing", "count", "interference",
+        "interference_interval", "quantiles", "histogram",
+    )  # fmt: skip
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"count": int, "histogram": Mapping[str, tuple[float, ...]]}
+
     transform: Array | None
     box: Array
     least: EndOfRange
@@ -170,10 +176,8 @@ class Clearances(NotebookRepr):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""
-        told = {name: plain(getattr(self, name)) for name in ("transform", "box", "least", "most", "doubt", "source")}
-        shares = {name: plain(getattr(self, name)) for name in ("interference", "interference_interval", "quantiles")}
-        histogram = {name: plain(getattr(self, name)) for name in ("counts", "edges")}
-        return {**told, "standing": [*self.standing], "count": len(self.gaps), **shares, "histogram": histogram}
+        told = {"count": len(self.gaps), "histogram": {"counts": self.counts, "edges": self.edges}}
+        return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}
 
 
 @known_arguments

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import Row
@@ -22,7 +22,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, extra
 from fcdm_opt.moved_files import moved, to_csv
-from fcdm_opt.plain import plain
+from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StudyResult(NotebookRepr):
+class StudyResult(NotebookRepr, Plain):
     """The points of a study in order, with what was found for each of them.
 
     Attributes
@@ -81,6 +81,9 @@ class StudyResult(NotebookRepr):
     answers : mapping of str to dict
         Row of each key that is worked out, see `point.row`.
     """
+
+    plain_names = ("study", "version", "counts", "seconds", "assembly_yield", "rows")
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"rows": tuple[Mapping[str, float | bool | str | None], ...]}
 
     definition: Mapping[str, Any]
     study: str
@@ -196,15 +199,8 @@ class StudyResult(NotebookRepr):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data; as JSON has no such numbers, infinity becomes "inf"."""
-        return {
-            **self.definition,
-            "study": self.study,
-            "version": self.version,
-            "counts": self.counts,
-            "seconds": self.seconds,
-            "assembly_yield": plain(self.assembly_yield),
-            "rows": plain(self.rows()),
-        }
+        known = {name: getattr(self, name) for name in self.plain_names}
+        return {**self.definition, **plain({**known, "rows": self.rows()})}
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for every point, in order, all with the same columns.

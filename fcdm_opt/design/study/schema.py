@@ -208,7 +208,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     return {**head, **document}
 
 
-def result_schema(command: str, answers: Mapping[str, Sequence[type]]) -> dict[str, Any]:
+def result_schema(command: str, answers: Mapping[str, Sequence[Any]], about: str = "case") -> dict[str, Any]:
     """Return the schema of a document of a command: files, their cases, and for each what its answers tell.
 
     Parameters
@@ -216,18 +216,26 @@ def result_schema(command: str, answers: Mapping[str, Sequence[type]]) -> dict[s
     command : str
     answers : mapping of str to classes
         Of which class what stands under a key of a case is; under "" what the case itself is.
+    about : "case", "file" or "document"
+        Whose keys these are.
     """
     known: dict[str, Any] = {}
     under = {key: {"anyOf": [schema_of(kind, known) for kind in kinds]} for key, kinds in answers.items()}
-    failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": ["name", "error"]}
-    whole = {"anyOf": [*under.pop("")["anyOf"], failed]} if "" in under else {}
-    members: dict[str, Any] = {"name": {"type": "string"}, **under}
-    case = {"type": "object", "properties": members, **whole}
+    needed = {"case": ["name"], "file": ["file"], "document": []}[about]
+    failed = {"type": "object", "properties": {"error": {"type": "string"}}, "required": [*needed, "error"]}
+    whole: dict[str, Any] = {"anyOf": [*under.pop("")["anyOf"], failed]} if "" in under else {}
+    members_of = {own: (under, whole) if own == about else ({}, {}) for own in ("case", "file", "document")}
+    case = {
+        "type": "object",
+        "properties": {"name": {"type": "string"}, **members_of["case"][0]},
+        **members_of["case"][1],
+    }
     texts = {key: {"type": "string"} for key in ("file", "title", "note", "error")}
-    file = {"type": "object", "properties": {**texts, "cases": {"type": "array", "items": case}}, "required": ["file"]}
+    cases = {"cases": {"type": "array", "items": case}} if about == "case" else {}
+    file = {"type": "object", "properties": {**texts, **cases, **members_of["file"][0]}, "required": ["file"]}
     return {
         "$schema": DIALECT,
-        "$id": f"urn:fcdm-opt:{'result' if command == 'solve' else command}",
+        "$id": f"urn:fcdm-opt:{'' if command == 'solve' else f'{command}-'}result",
         "title": f"Result of fcdm-opt {command} --json",
         "type": "object",
         "properties": {
@@ -238,5 +246,6 @@ def result_schema(command: str, answers: Mapping[str, Sequence[type]]) -> dict[s
             "files": {"type": "array", "items": file},
         },
         "required": ["schema", "version"],
+        **members_of["document"][1],
         "$defs": known,
     }

@@ -13,7 +13,7 @@ from fcdm_opt.design.whatif.constraints import PlainMotion
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Screw, Translation
-from fcdm_opt.plain import ShortRepr, plain
+from fcdm_opt.plain import Plain, ShortRepr, plain
 from fcdm_opt.problem.arguments import truth
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
@@ -109,7 +109,7 @@ class FamilyRow(PlainMotion):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Comparison(ShortRepr):
+class Comparison(ShortRepr, Plain):
     """Families of motions, cheapest first; those without a usable motion last.
 
     Attributes
@@ -119,6 +119,9 @@ class Comparison(ShortRepr):
         Length that turns radians into lengths, the same for all families; of an assembly the least of its parts'.
     table : tuple of FamilyRow
     """
+
+    plain_names: ClassVar[tuple[str, ...]] = ("length", "best", "rows")
+    plain_kinds: ClassVar[Mapping[str, Any]] = {"best": str | None, "rows": tuple[FamilyRow, ...]}
 
     problem: Scene = field(repr=False)
     length: float
@@ -179,7 +182,7 @@ def compare(
     chosen = _usual(problem) if motions is None else _named(motions)
     rows = [_row(problem, name, motion, certify) for name, motion in chosen.items()]
     rows.sort(key=lambda row: (not row.usable, math.isnan(row.amount), row.amount))  # stable: equal ones as given
-    notes = _checked(rows) if motions is None else {}
+    notes = {**_other_centres(rows), **(_checked(rows) if motions is None else {})}
     table = (replace(row, tied=_tied(row, rows), note=row.note or notes.get(row.name, "")) for row in rows)
     return Comparison(problem=problem, length=problem.turning_length, table=tuple(table))
 
@@ -231,6 +234,23 @@ def _tied(row: FamilyRow, rows: list[FamilyRow]) -> tuple[str, ...]:
     return tuple(
         other.name for other, slack in zip(others, near, strict=True) if abs(other.amount - row.amount) <= slack
     )
+
+
+def _other_centres(rows: list[FamilyRow]) -> dict[str, str]:
+    """Return through which points families turn, in words, where others do not turn about these."""
+    centres = dict[str, str]()
+    for row in rows:
+        if row.motion is not None and any(kind == "rotation" for _, kind in row.motion.parameters):
+            points = {point for step in row.motion.steps for point in step.own_fixed_points or ()}
+            places = [f"({', '.join(map(number_text, point))})" for point in sorted(points)]
+            centres[row.name] = " and ".join(places)
+    if len({*centres.values()}) < 2:
+        return {}
+    return {
+        name: f"it turns through {points}, others do not: angles are not to be compared"
+        for name, points in centres.items()
+        if points
+    }
 
 
 def _checked(rows: list[FamilyRow]) -> dict[str, str]:
