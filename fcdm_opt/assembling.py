@@ -204,7 +204,8 @@ class _Solving:
         exchanges = [own for own in rounds if own is not None]
         if len(exchanges) < len(group) or (assembly := self._assembly).amount != "weighted":
             return None
-        if (found := restoring_motion(asked)) is None:
+        found = restoring_motion(asked)
+        if found is None or (found.q is None and found.bound < np.inf):
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size

@@ -173,6 +173,8 @@ def _least(problem: Problem, how: _How) -> Solution:
     wide, solution = has_round_faces(problem) and pacing.in_time(too_wide, problem, late=True), None
     if not wide:
         solution = _of_true_faces(problem, how)
+    if solution is None and not (wide or problem.motion.shifts) and touching_again(problem) is not None:
+        solution = _not_restored(problem, how)
     if solution is None and problem.touches_between_facets:
         none = cannot_be_restored(problem)
         status, bound = (Status.INFEASIBLE, math.inf) if none else (Status.NOT_FOUND, 0.0)
@@ -195,7 +197,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if (touching := touching_again(problem)) is not None:
         turns = not problem.motion.shifts
         known = _restored(problem, touching, how) if turns or not how.certify else None  # which has no evidence
-        if known is not None and (turns or known.lower_bound >= known.amount):
+        if turns or (known is not None and known.lower_bound >= known.amount):
             return known
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
@@ -217,6 +219,24 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         ):
             return found if found.usable else replace(found, stopped=found.stopped or cut_off)
     return None
+
+
+def _not_restored(problem: Problem, how: _How) -> Solution:
+    """Return why no motion that turns restores all contacts of true faces, as far as it is known."""
+    found, answer = restoring_motion([problem]), Answer(Status.NOT_FOUND, None, RESTORED, 0.0)
+    if found is None and how.effort == "proved":
+        answer = pacing.in_time(check_uniqueness, problem, Task.of(problem), answer, late=answer)
+    why = answer.active or ("all contacts of true faces together were looked at",)
+    if found is not None and found.nearest is None:
+        why = ("the motion that restores all contacts makes parts overlap elsewhere, or leaves them apart",)
+    elif found is not None and found.nearest is not None:
+        q = np.where(np.abs(found.nearest) <= DEFAULT.nominal * problem.size / problem.weights, 0.0, found.nearest)
+        off = (q < problem.limits[:, 0]) | (q > problem.limits[:, 1])
+        names = " and ".join(name for name, beyond in zip(problem.motion.names, off, strict=True) if beyond)
+        where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
+        why = (f"the motion that restores all contacts ({where}) is beyond the limits of {names}",)
+    rest: dict[str, Any] = {"problem": problem, "pair": problem.target, "stage": RESTORED, "active": why}
+    return Solution(**rest, status=answer.status, lower_bound=answer.lower_bound)
 
 
 def _restored(problem: Problem, touching: Problem, how: _How) -> Solution | None:

@@ -151,7 +151,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
 def cannot_be_restored(problem: Problem) -> bool:
     """Tell whether no shift closes the gaps of all true faces that touch as drawn."""
     found = None if touching_again(problem) is None else restoring_motion([problem])
-    return found is not None and found.q is None
+    return found is not None and found.q is None and found.bound == math.inf
 
 
 def _comparable(problem: Problem) -> bool:

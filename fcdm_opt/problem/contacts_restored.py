@@ -19,6 +19,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 RESTORED = "1: linear equations of the contacts of true faces"
 ROUNDS = 10  # of Newton's method: one where a face of each pair that meets is plane
+STARTS = 0.0, 0.05, -0.05  # of the size: where contacts change with the square of a turn none leaves the first
 MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
@@ -99,14 +100,15 @@ class RestoringMotion(NamedTuple):
     Attributes
     ----------
     q : (k,) array or None
-        Motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together.
+        Motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together, and where
+        the motion is beyond limits.
     points : list of list of NearestPoints
         Of each question where they touch then.
     bound : float
-        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these. 0 of
-        motions that turn.
+        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these;
+        infinite where no shift does. 0 of motions that turn.
     nearest : (k,) array or None
-        Without one, the motion parameters at which the squares of all gaps are least.
+        Without one, the motion parameters at which the squares of all gaps are least, or those beyond limits.
     remaining : tuple of arrays
         Gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap.
     """
@@ -134,8 +136,14 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
     if not all(before) or any(own.amount != "weighted" for own in asked):
         return None
     turns = not all(own.motion.shifts for own in asked)
-    every = [contact_balls(own) if turns else [] for own in asked]
-    y = np.zeros(len(first.weights))
+    starts = first.size / np.sqrt(len(first.weights)) * np.array(STARTS if turns else STARTS[:1])
+    tried = (_from(np.full(len(first.weights), start), asked, before, turns) for start in starts)
+    return next((found for found in tried if found is not None), None)
+
+
+def _from(y: Array, asked: Sequence[Problem], before: Sequence[list[Pairs]], turns: bool) -> RestoringMotion | None:
+    """Return what Newton's method comes to from weighted parameters; see `restoring_motion`."""
+    first, every = asked[0], [contact_balls(own) if turns else [] for own in asked]
     for _ in range(MORE_ROUNDS if turns else ROUNDS):
         q, points, rows = y / first.weights, list[list[NearestPoints]](), list[tuple[float, Array, bool]]()
         ends, poses = list[int](), list[Array]()
@@ -162,6 +170,8 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
             held = slopes[plane]
             bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
             points = [_nearest(*each) for each in zip(asked, before, poses, strict=True)] if turns else points
+            if turns and not inside.all():
+                return RestoringMotion(None, points, 0.0, q)
             return RestoringMotion(q, points, bound) if inside.all() and all(points) else None
         remaining = gaps + slopes @ (further - y)
         if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):

@@ -169,6 +169,26 @@ def test_cup_groove_and_flat_hold_a_plate_as_lord_kelvin_had_it() -> None:
         assert len(grown) == 1
 
 
+def test_why_contacts_are_not_restored_by_a_motion_that_turns() -> None:
+    """Limits, a lid in the way, and four feet of which one is longer: at once, where it took minutes."""
+    plate, made = on_three_balls(), {"b1": 0.05, "b2": 0.05, "b3": 0.05}
+    asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate), "made": made}
+    low = fo.solve(fo.Problem(plate, grooved(), **asked, limits={"TZ": (-0.01, 0.01)}))
+    assert not low.usable
+    assert "RZ 0 deg) is beyond the limits of TZ" in str(low)
+    lid = fo.KeepOut(fo.Box((10, 10, 2), centre=(0, 0, 8.03)), name="lid")
+    under = fo.solve(fo.Problem(plate, grooved(), **asked, keep_out=[lid]))
+    assert not under.usable
+    assert "makes parts overlap elsewhere" in str(under)
+    table, floor = fo.Box((50, 50, 3), centre=(0, 0, 5.5)), fo.Box((80, 80, 5), centre=(0, 0, -R - 2.5))
+    for x, y in ((20, 20), (-20, 20), (20, -20), (-20, -20)):
+        table = fo.joined(table, fo.Sphere(R, centre=(x, y, 0)), fo.Cylinder(1, 3, base=(x, y, 2)))
+    asked |= {"sizes": [fo.Size("b", "movable", faces="sphere radius 3 no. 1", tolerance=0.05)], "made": {"b": 0.05}}
+    rocks = fo.solve(fo.Problem(table, floor, **asked))
+    assert not rocks.usable
+    assert rocks.lower_bound > 1.0
+
+
 def test_rollers_and_plane_faces_are_restored_by_motions_that_turn() -> None:
     radius, apex = 5.0, 5 * sqrt(2)
     groove, pose = fo.Prism([(0, -apex), (12, 12 - apex), (-12, 12 - apex)], 30), np.eye(4)
