@@ -354,6 +354,8 @@ class TrueSizes:
             bent = [bool(facet) and not flat.issuperset(facet) for facet in facets]
             for elements in own.elements:
                 kind, k = elements[role]
+                if kind == "V" and (norms(self.points[role] - part.vertices[k]) <= DEFAULT.tie * self.size).any():
+                    continue  # a corner where the bodies are exact
                 if kind == "F":
                     corners = part.loops[k]
                 else:

@@ -743,10 +743,10 @@ class Body(_Sealed, NotebookRepr):
         scaled = scaled._on_surfaces(about(self.seed, float(factor)), float(factor))
         return replace(scaled, deviation=(out, short), facet_errors=errors)
 
-    def with_seed(self, seed: Array) -> Body:
-        """Return the same body with another datum of scaling."""
-        parts = tuple(replace(part, seed=seed) for part in self.parts)
-        return replace(self, seed=seed, parts=parts)
+    def with_seed(self, seed: Seed) -> Body:
+        """Return the same body with another datum of scaling, as `convex` takes it."""
+        origin = _seed(seed, self.vertices, self.parts, self.name)
+        return replace(self, seed=origin, parts=tuple(replace(part, seed=origin) for part in self.parts))
 
     def rounded(self) -> Body:
         """Return the same body with facets that stand for the cylinders, cones and spheres that their corners lie on.

@@ -28,6 +28,7 @@ ROOM = 8.0  # two bodies of unit reach and their offset are no further apart and
 ROUNDING = 4.0 * np.finfo(np.float64).eps  # of a difference of points or a sum of their products, times their reach
 FEW = 1000  # part pairs asked first
 APART = 1e-3  # of the extent of two flush elements: further apart, how far is not asked; no check allows it
+FLUSH = 1e-4  # of the size of elements that lie on each other: corners of faces in files are off their planes by less
 
 
 # ------------------------------------------------------------------------------------------------------- whole bodies
@@ -342,8 +343,9 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
     """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
 
     The largest of: distance of a common point from either element, and how far either part reaches across the plane
-    through it; infinite where there is none. Of flush elements that are well apart at least this, the distance of
-    their boxes: most parts that a wide face is cut into are.
+    through it; infinite where there is none. Of elements that are to be flush also how far their corners are off it,
+    where they are aslant; of those that are well apart at least this, the distance of their boxes: most parts that a
+    wide face is cut into are.
     """
     errors, x, y = np.empty(len(poses)), np.empty((len(one), 3)), np.empty((len(two), 3))
     for k in range(len(poses)):
@@ -367,6 +369,12 @@ def contact_errors(one, two, first, second, across, along, sign, seeds, pairs, p
                 errors[k] = error
                 continue
             error, point = _shared(x, first, y, second)
+            for m in range(len(first)):
+                slope = abs(_dot(n, _minus(x[first[m]], point)))
+                error = _larger(error, slope) if slope > FLUSH * size else error
+            for m in range(len(second)):
+                slope = abs(_dot(n, _minus(y[second[m]], point)))
+                error = _larger(error, slope) if slope > FLUSH * size else error
         level = _dot(n, point)
         for m in range(len(x)):
             error = _larger(error, _dot(n, x[m]) - level)

@@ -591,8 +591,8 @@ class Solution(Bounded):
 
     @property
     def question(self) -> Problem:
-        """`problem`."""
-        return self.problem
+        """`problem`, or what that stands for, see `Problem.restoring`."""
+        return self.problem.restoring or self.problem
 
     @property
     def exact_of_mesh(self) -> bool:

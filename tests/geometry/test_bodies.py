@@ -6,6 +6,7 @@ import copy
 import itertools
 import pickle
 from dataclasses import FrozenInstanceError
+from itertools import product
 
 import numpy as np
 import pytest
@@ -453,3 +454,13 @@ def test_transforms_must_be_rigid(transform):
         rigid_transform(transform)
     with pytest.raises(InputError):
         Body.convex(CUBE).moved(transform)
+
+
+def test_another_seed_is_what_seeds_are_given_as() -> None:
+    """A tuple was taken and failed later, without a word on what it was."""
+    box = Body.convex([*product((-1, 1), repeat=3)])
+    each = {(0, 0, 1): [0, 0, 1], "box": [0, 0, 0]}
+    assert {own: box.with_seed(own).seed.tolist() for own in each} == each
+    for wrong in ((0, 0), "nowhere"):
+        with pytest.raises(InputError, match="seed"):
+            box.with_seed(wrong)

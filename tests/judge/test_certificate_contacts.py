@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation as Turn
 from solids import box, polygon, prism, solid_of
 
+import fcdm_opt as fo
 from fcdm_opt.curve.contact import meetings
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.bodies import Body
@@ -255,3 +257,15 @@ def test_a_frame_on_its_copy_touches_with_one_face(motion: Motion, requirement: 
     if motion == Translation("z"):
         assert solution.parameters["TZ"] == pytest.approx(sign * 0.02)
         assert [feature.kind for feature in solution.features] == ["F1F2"]
+
+
+@pytest.mark.parametrize("label", ["F1F2(P1V1,V3,V5,V7; P2V2,V4,V6,V8)", "F1F2(P1V1,V2,V5,V6; P2V2,V4,V6,V8)"])
+def test_a_face_that_stands_aslant_does_not_lie_on_another(label: str) -> None:
+    """A crate tilted onto its edge: faces at the edge, 6 and 84 degrees off, passed for ones that lie on the floor."""
+    crate = fo.Body.convex([*product((-1, 1), (-1, 1), (0, 2))])
+    floor = fo.Body.convex([*product((-5, 5), (-5, 5), (-1, 0))])
+    motion = fo.Rotation("x") >> fo.Translation("z")
+    found = fo.solve(fo.Problem(crate, floor, target=(1, 1), goal="touch", motion=motion, limits={"RX": (0.1, 0.5)}))
+    assert found.usable
+    claimed = {**found.to_dict(), "features": [label]}
+    assert not fo.verify(fo.Solution.from_dict(claimed)).passed

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -403,3 +404,14 @@ def test_beyond_was_said_to_hold_for_all_sizes_up_to_those_asked(letter: str, si
     found = re.search(r"at scales ([\d.]+) and ([\d.]+), those asked or beyond", text)
     assert found is not None, text
     assert (sides * (np.array(found.groups(), float) - problem.target) >= -1e-5).all()
+
+
+def test_the_nearest_pose_of_a_block_that_turns_is_not_that_on_its_face() -> None:
+    """As it turns by a on its edge it gains sin a - (1 - cos a): it was told as far off as it is at rest."""
+    crate = fo.Body.convex([*product((-1, 1), (-1, 1), (0, 2))])
+    floor = fo.Body.convex([*product((-5, 5), (-5, 5), (-1, 0))])
+    asked = {"goal": "touch", "motion": fo.Rotation("x")}
+    limited = fo.solve(fo.Problem(crate, floor, target=(0.9, 1), limits={"RX": (-0.1, 0.1)}, **asked))
+    assert f"{1 - 0.9 * (math.cos(0.1) + math.sin(0.1)):.4g} apart" in limited.reason
+    free = fo.solve(fo.Problem(crate, floor, target=(0.6, 1), **asked))
+    assert f"{1 - 0.6 * math.sqrt(2):.4g} apart" in free.reason

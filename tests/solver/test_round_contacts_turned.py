@@ -117,6 +117,27 @@ def test_the_amount_of_a_coupling_changes_with_its_sizes_as_differences_do() -> 
     assert rate == pytest.approx((amount(step) - amount(-step)) / (2 * step), rel=1e-5)
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.3])
+def test_a_stack_up_counts_each_ball_of_a_coupling(turned: float) -> None:
+    """Corners of facets that are on their sphere were taken for such within it: one ball of three had no row."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([0, 0, turned]).as_matrix()
+    plate, base = (body.moved(pose) for body in (on_three_balls(), grooved()))
+    stack = fo.stack_up(fo.Problem(plate, base, sizes=balls(plate), goal="clear", motion=fo.Translation("z")))
+    for name in ("b1", "b2", "b3"):
+        assert stack.gap({name: 0.02}) == pytest.approx(-0.02, abs=1e-9)
+    assert stack.gap({"b1": -0.02, "b2": -0.03, "b3": -0.01}) == pytest.approx(0.01, abs=1e-9)
+
+
+def test_what_if_asks_of_a_solution_what_it_asks_of_its_problem() -> None:
+    plate = on_three_balls()
+    asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate)}
+    problem = fo.Problem(plate, grooved(), **asked, made={"b1": 0.01, "b2": 0.02})
+    found = fo.whatif(fo.solve(problem), made={"b1": 0.02, "b2": 0.02, "b3": 0.02})
+    assert found.after.amount == pytest.approx(0.02 * sqrt(2), rel=1e-8)
+    assert found.changed == ("made",)
+
+
 def test_a_coupling_is_an_assembly_too() -> None:
     plate, base = on_three_balls(), grooved()
     sizes = [fo.Size("all", "plate", faces=[f"sphere radius 3 no. {k}" for k in (1, 2, 3)], each=1, tolerance=0.05)]

@@ -62,8 +62,11 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
         worst = Worst.of(problem, Sizes(frozen(np.repeat(target.T, 2, axis=1)), pairs=frozen(target)), low, high)
     except InputError:  # keep-outs of which only the surface is known
         return rest, []
-    found = least_moved(worst, better(worst, rest), found_at(worst, rest))
-    gaps = sorted(_gaps(worst, found.q), key=lambda own: -own[0])
+    turn = SHARE * problem.size / problem.weights * problem.motion.turning  # where faces lie on each other none is near
+    starts = [np.clip(own, *problem.limits.T) for own in (rest, turn, -turn)[: 3 if turn.any() else 1]]
+    ends = [least_moved(worst, better(worst, own), found_at(worst, own)) for own in starts]
+    each = [(own, sorted(_gaps(worst, own.q), key=lambda one: -one[0])) for own in ends]
+    found, gaps = min(each, key=lambda own: own[1][0][0] if own[1] else 0.0)
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
     missed = [told for miss, told in gaps if miss > slack]
     return found.q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
