@@ -43,7 +43,6 @@ MIDDLE = (
     "it makes the worst gap smallest, of either kind; --clearance 0,inf asks for one without interference, "
     "in Python clearance=(0, math.inf)"
 )
-CLEAR = 'goal "clear" asks; --clearance asks for other gaps'
 EFFORT = 20_000  # cells: a second or two for two parameters
 NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
 FAR_ROUNDS = 4  # of such, at most
@@ -241,8 +240,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         failed = ", ".join(own.name for own in self.checks if not own.passed)
         not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
         judged = "verified" if self.passed else not_passed
-        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
-        middle += [f"no gap less than {self.window[0]:g}, as {CLEAR}"] * (self.window == _asked_window(self.problem))
+        clear = self.least.gap < 0.0 or getattr(self.problem, "goal", "") == "clear"
+        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and clear)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
         return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several
@@ -268,7 +267,7 @@ def best_pose(
     The gap of the bodies is their signed distance: of a peg in a hole that of the nearest wall. Without a window the
     largest |gap| is made least: neither much play nor much interference; of poses as good as each other the one of the
     least amount, as far as a local search finds. With a window (low, high), the smallest motion such that every gap
-    lies in it; either end may be infinite, (low, inf) asks for a clearance: goal "clear" does, for the problem's.
+    lies in it; either end may be infinite, (low, inf) asks for a clearance.
 
     Contacts as drawn, each along its normal, are looked at in place of the gap of the bodies where a question names
     several, of an assembly, of bodies kept as surfaces, and of sizes that turn faces; the largest |gap| is that over
@@ -309,7 +308,6 @@ def best_pose(
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
-    clearance = _asked_window(problem) if clearance is None else clearance
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
@@ -330,11 +328,6 @@ def best_pose(
     if true is not None:
         pose = replace(pose, evidence=None, permanent_faces=frozenset(true.permanent))
     return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
-
-
-def _asked_window(problem: Scene | None) -> tuple[float, float] | None:
-    """Return the window that goal "clear" asks for."""
-    return (problem.clearance, np.inf) if isinstance(problem, Problem) and problem.goal == "clear" else None
 
 
 class _Best(NamedTuple):
