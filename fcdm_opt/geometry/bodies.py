@@ -931,7 +931,7 @@ def told_solids(bodies: Iterable[Body]) -> list[str]:
     return [f"{body.name}: {note}" for body in bodies for note in body.notes if SEVERAL in note]
 
 
-def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array:
+def _seed(seed: Any, points: Array, parts: Sequence[ConvexPart], name: str) -> Array:
     key = f"body '{name}': seed"
     if not isinstance(seed, str):
         point = numbers(seed, key)
@@ -950,7 +950,7 @@ def _seed(seed: Any, points: Array, parts: list[ConvexPart], name: str) -> Array
     raise InputError("unknown seed rule", key=key, found=seed, allowed=", ".join(SEED_RULES) + " or a point")
 
 
-def _parts_overlap(parts: list[ConvexPart]) -> bool:
+def _parts_overlap(parts: Sequence[ConvexPart]) -> bool:
     """Tell whether interiors of two parts meet: the largest ball inside both, by linear programming."""
     if len(parts) == 1:
         return False
