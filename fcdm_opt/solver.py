@@ -226,10 +226,11 @@ def _not_restored(problem: Problem, how: _How) -> Solution:
     found, answer = restoring_motion([problem]), Answer(Status.NOT_FOUND, None, RESTORED, 0.0)
     if found is None and how.effort == "proved":
         answer = pacing.in_time(check_uniqueness, problem, Task.of(problem), answer, late=answer)
-    why = answer.active or ("all contacts of true faces together were looked at",)
-    if found is not None and found.nearest is None:
+    if found is None:
+        why = answer.active or ("all contacts of true faces together were looked at",)
+    elif found.nearest is None:
         why = ("the motion that restores all contacts makes parts overlap elsewhere, or leaves them apart",)
-    elif found is not None and found.nearest is not None:
+    else:
         q = np.where(np.abs(found.nearest) <= DEFAULT.nominal * problem.size / problem.weights, 0.0, found.nearest)
         off = (q < problem.limits[:, 0]) | (q > problem.limits[:, 1])
         names = " and ".join(name for name, beyond in zip(problem.motion.names, off, strict=True) if beyond)

@@ -93,7 +93,7 @@ def balls_of(
         if min(own.gaps(x[None])[1][0] @ n for own, x, n in met) < 1.0 - DEFAULT.nominal:  # at an edge of one of them
             continue
         feature = Feature(*(own.face_of(k) for own, k in zip(faces, pair, strict=True)))
-        after = [_as_made(body, k, scale) for body, k, scale in zip(made, pair, scales.tolist(), strict=True)]
+        after = [_patch_made(body, k, scale) for body, k, scale in zip(made, pair, scales.tolist(), strict=True)]
         for k in (0, 1):
             ball, other = after[k], after[1 - k]
             if ball.surface.flat or ball.surface.ring or ball.side < 0.0:
@@ -122,7 +122,7 @@ def corners_on_plane(feature: Feature, made: Sequence[Body], scales: Array) -> l
     return [BallOnFace(holder, point, 0.0, plane, feature) for point in kept]
 
 
-def _as_made(body: Body, k: int, scale: float) -> Patch:
+def _patch_made(body: Body, k: int, scale: float) -> Patch:
     """Return a true face of a body as made where it was drawn."""
     patch = true_faces(body).patches[k]
     own = patch.surface

@@ -137,48 +137,71 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
         return None
     turns = not all(own.motion.shifts for own in asked)
     starts = first.size / np.sqrt(len(first.weights)) * np.array(STARTS if turns else STARTS[:1])
-    tried = (_from(np.full(len(first.weights), start), asked, before, turns) for start in starts)
+    balls = [contact_balls(own) for own in asked] if turns else []
+    if turns and not all(balls):
+        return None
+    tried = (_from(np.full(len(first.weights), start), asked, before, balls) for start in starts)
     return next((found for found in tried if found is not None), None)
 
 
-def _from(y: Array, asked: Sequence[Problem], before: Sequence[list[Pairs]], turns: bool) -> RestoringMotion | None:
-    """Return what Newton's method comes to from weighted parameters; see `restoring_motion`."""
-    first, every = asked[0], [contact_balls(own) if turns else [] for own in asked]
+Rows = list[tuple[float, Array, bool]]
+"""Gaps, their derivatives by the weighted parameters, and whether they are linear in shifts, as of a plane face."""
+
+
+def _from(
+    y: Array, asked: Sequence[Problem], before: Sequence[list[Pairs]], balls: Sequence[list[BallOnFace]]
+) -> RestoringMotion | None:
+    """Return what Newton's method comes to from weighted parameters; see `restoring_motion`.
+
+    With the `balls` of each question for motions that turn, else without.
+    """
+    first, turns = asked[0], bool(balls)
     for _ in range(MORE_ROUNDS if turns else ROUNDS):
-        q, points, rows = y / first.weights, list[list[NearestPoints]](), list[tuple[float, Array, bool]]()
-        ends, poses = list[int](), list[Array]()
-        for own, met, balls in zip(asked, before, every, strict=True):
-            if turns:
-                pose, rates = own.motion.kinematics(own.movable.seed, own.static.seed).rates(q)
-                gaps_of_balls = (ball.gap(pose, rates) for ball in balls)
-                rows += [(gap, slopes / first.weights, False) for gap, slopes in gaps_of_balls]
-                poses.append(pose)
-                continue
-            pose = own.motion.transform(q, own.movable.seed, own.static.seed)
-            points.append(_nearest(own, met, pose))
-            if not points[-1]:
+        q, points = y / first.weights, list[list[NearestPoints]]()
+        if turns:
+            each = [_rows_of_balls(*own, q) for own in zip(asked, balls, strict=True)]
+        else:
+            points = [_points_at(*own, q) for own in zip(asked, before, strict=True)]
+            if not all(points):
                 return None
-            shifts = -own.motion.ways(own.movable.seed, own.static.seed) / first.weights[:, None]
-            rows += [(one.gap, shifts @ one.normal, _is_plane(own, one)) for one in points[-1]]
-            rows += [(gap, shifts @ n, True) for gap, n in (_plane_gap(own, each, pose) for each in flat_contacts(own))]
-            ends.append(len(rows))
-        gaps, slopes, plane = (np.array(each) for each in zip(*rows, strict=True))
+            each = [_rows_of_points(*own, q) for own in zip(asked, points, strict=True)]
+        gaps, slopes, plane = (np.array(column) for column in zip(*sum(each, Rows()), strict=True))
         further = np.linalg.pinv(slopes, rcond=DEFAULT.nominal) @ (slopes @ y - gaps)
         near = min(own.contact_slack for own in asked) * DEFAULT.tie / DEFAULT.touch
         if np.abs(gaps).max() <= near and (not turns or np.abs(further - y).max() <= DEFAULT.tie * first.size):
-            inside = (first.limits[:, 0] <= q) & (q <= first.limits[:, 1])
+            inside = bool(((first.limits[:, 0] <= q) & (q <= first.limits[:, 1])).all())
             held = slopes[plane]
             bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
-            points = [_nearest(*each) for each in zip(asked, before, poses, strict=True)] if turns else points
-            if turns and not inside.all():
+            points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
+            if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
-            return RestoringMotion(q, points, bound) if inside.all() and all(points) else None
+            return RestoringMotion(q, points, bound) if inside and all(points) else None
         remaining = gaps + slopes @ (further - y)
         if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):
-            each = tuple(np.split(remaining, ends[:-1]))
-            return RestoringMotion(None, points, np.inf, further / first.weights, each) if plane.all() else None
+            rest = tuple(np.split(remaining, np.cumsum([len(rows) for rows in each])[:-1]))
+            return RestoringMotion(None, points, np.inf, further / first.weights, rest) if plane.all() else None
         y = further
     return None
+
+
+def _points_at(problem: Problem, before: Sequence[Pairs], q: Array) -> list[NearestPoints]:
+    """Return where faces that touch as drawn are nearest at motion parameters, see `_nearest`."""
+    return _nearest(problem, before, problem.motion.transform(q, problem.movable.seed, problem.static.seed))
+
+
+def _rows_of_points(problem: Problem, points: Sequence[NearestPoints], q: Array) -> Rows:
+    """Return the rows of true faces, by where they are nearest after a shift, then those of `flat_contacts`."""
+    seeds = problem.movable.seed, problem.static.seed
+    pose, shifts = problem.motion.transform(q, *seeds), -problem.motion.ways(*seeds) / problem.weights[:, None]
+    flat = (_plane_gap(problem, own, pose) for own in flat_contacts(problem))
+    round_ones: Rows = [(own.gap, shifts @ own.normal, _is_plane(problem, own)) for own in points]
+    return round_ones + [(gap, shifts @ normal, True) for gap, normal in flat]
+
+
+def _rows_of_balls(problem: Problem, balls: Sequence[BallOnFace], q: Array) -> Rows:
+    """Return the rows of balls on faces after a motion that turns."""
+    pose, rates = problem.motion.kinematics(problem.movable.seed, problem.static.seed).rates(q)
+    return [(gap, slopes / problem.weights, False) for gap, slopes in (ball.gap(pose, rates) for ball in balls)]
 
 
 def _nearest(problem: Problem, before: Sequence[Pairs], pose: Array) -> list[NearestPoints]:
