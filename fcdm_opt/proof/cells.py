@@ -179,7 +179,8 @@ def _set_lines(T, features, target, lines):
     for k in range(len(features)):
         a, b, c, gap = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
         _line(T, features[k], n, a, b, c)
-        gap[:] = c
+        gap[:] = 0.0
+        _add(gap, 1.0, c)
         _add(gap, -target[0], a)
         _add(gap, -target[1], b)
 
@@ -297,7 +298,8 @@ def left_cells(T, features, target, first, second, margin, codes, witness):
     m = T.shape[2]
     lines, determinant, excess = np.zeros((2, 4, m)), np.zeros(m), np.zeros((2, m))
     n, site, other, rest, height = np.zeros((3, m)), np.zeros(FEATURE), np.zeros((3, m)), np.zeros(m), np.zeros(m)
-    site[PARTS:] = features[0, PARTS:]
+    for i in range(PARTS, FEATURE):
+        site[i] = features[0, i]
     for cell in range(len(T)):
         if codes[cell]:
             continue

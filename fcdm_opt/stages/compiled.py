@@ -782,7 +782,8 @@ def _others(scene, lines, flat, x, y, s, faults, count):
                 elif not touching and widest <= slack:
                     for r in range(len(rows)):
                         if rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y >= -slack and known < len(flats):
-                            flats[known] = rows[r, :3]
+                            for i in range(3):
+                                flats[known, i] = rows[r, i]
                             known += 1
     return count
 
@@ -804,7 +805,8 @@ def ways(scene, z, p1, p2):
     for r in range(len(sites)):
         orientations[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
         gaps[r] = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
-        site[:3] = sites[r]
+        for i in range(3):
+            site[i] = sites[r, i]
         _line(parts1, parts2, site, orientations[r], flat, line)
         square = 0.0
         for m in range(1, k + 1):
@@ -897,7 +899,8 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                 facets, lines = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
                 best, widest = _widest(lines, x, y)
                 if widest < need - slack:
-                    chosen[made, :3] = facets[best]
+                    for i in range(3):
+                        chosen[made, i] = facets[best, i]
                     chosen[made, 3], chosen[made, 4] = p1, p2
                     orientations[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
                     v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, lines[best])
@@ -1000,7 +1003,8 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
     room = np.empty(2), np.empty(12 * 3), np.empty((2, 1, 6)), np.empty((1, 2)), faults
     looks = np.empty((3, len(path)))
-    looks[:] = path
+    for k in range(len(path)):
+        looks[:, k] = path[k]
     looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
     looks[2, 0], looks[2, 2] = FINER * path[0], path[2] / FINER
     for n in range(len(angles)):
@@ -1018,20 +1022,20 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
             ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
             if before < start < ahead:
                 ahead = start
-            z[:] = ahead * way
+            z[0], z[1] = ahead * way[0], ahead * way[1]
             lost = _lost(scene, looks[0], orientations, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
-                z[:] = middle * way
+                z[0], z[1] = middle * way[0], middle * way[1]
                 if _lost(scene, looks[0], orientations, z, room):
                     high = middle
                 else:
                     low = middle
             ahead = low if lost else ahead
-            z[:] = ahead * way
+            z[0], z[1] = ahead * way[0], ahead * way[1]
             value = beyond(scene, orientations, z, room)
             if ahead >= start and ahead > 0.0:
                 best = max(best, value)
@@ -1041,12 +1045,12 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
                         middle = 0.5 * (low + high)
                         if not low < middle < high:
                             break
-                        z[:] = middle * way
+                        z[0], z[1] = middle * way[0], middle * way[1]
                         if beyond(scene, orientations, z, room) >= 0.0:
                             high = middle
                         else:
                             low = middle
-                    z[:] = high * way
+                    z[0], z[1] = high * way[0], high * way[1]
                     lost_soon = _lost(scene, looks[1], orientations, z, room)
                     if not (lost_soon or _lost(scene, looks[2], orientations, z, room)):
                         objectives[n], cap = high, min(cap, high)

@@ -156,9 +156,10 @@ def _corner_poses(S):
     k = len(S) - 2
     poses = np.empty(((1 << k) + 1, 12))
     for corner in range(len(poses)):
-        poses[corner] = S[0]
-        for c in range(k if corner < len(poses) - 1 else 0):
-            poses[corner] += S[1 + c] if corner >> c & 1 else -S[1 + c]
+        for i in range(12):
+            poses[corner, i] = S[0, i]
+            for c in range(k if corner < len(poses) - 1 else 0):
+                poses[corner, i] += S[1 + c, i] if corner >> c & 1 else -S[1 + c, i]
     return poses
 
 
