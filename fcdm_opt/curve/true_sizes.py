@@ -390,7 +390,8 @@ class TrueSizes:
         """Return contacts of true faces at sizes, the nearest first, without those that stand."""
         made, scales = zip(*(own.at(place) for own in self.faces), strict=True)
         pose = np.vstack([pose[:3] + np.column_stack([np.zeros((3, 3)), place @ self.carried]), pose[3:]])
-        band = abs(gap) + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
+        below = 2.0 * self.largest_move  # by how much the gap there may be less than at other sizes
+        band = abs(gap) + below + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
         found = list[TrueContact]()
         for own in nearest_on_faces(made, scales, pose, band):
             if own.gap >= gap:

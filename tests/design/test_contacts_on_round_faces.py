@@ -221,3 +221,32 @@ def test_an_overlap_deeper_than_the_pieces_at_its_points_was_told_by_facets(tmp_
     stack = fo.stack_up(problem)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx([-0.48 / np.sqrt(2.0)] * 2, abs=1e-4)
     assert fo.verify(stack).passed
+
+
+def test_a_pin_that_goes_either_way_in_a_long_plate():
+    """Two bores of radius 3, pins of radius 2.98, one of them off by s: the gap is .02 - |s|, however long the plate.
+
+    The deeper of the two was out of the band in which nearest points were looked for.
+    """
+    from manifold3d import Manifold
+
+    def block(low, high):
+        return Manifold.cube([70.0 * 2, 20.0, high - low]).translate([-70.0, -10.0, low])
+
+    def round_parts(radius, low, height):
+        rod = Manifold.cylinder(height, radius, radius, 48)
+        return [rod.translate([x, 0.0, low]) for x in (-41.0, 41.0)]
+
+    def drawn(solid, name):
+        mesh = solid.to_mesh64()
+        return fo.Body.from_mesh(mesh.vert_properties[:, :3], mesh.tri_verts, unit="mm", name=name).rounded()
+
+    bores, pins = round_parts(3.0, 28.0, 10.0), round_parts(2.98, 20.0, 14.0)
+    lid = drawn(block(30.0, 36.0) - bores[0] - bores[1], "lid")
+    case = drawn(block(20.0, 30.0) + pins[0] + pins[1], "case")
+    spacing = fo.Size("spacing", "static", faces=["cylinder radius 2.98 no. 2"], along="x", tolerance=0.06)
+    stack = fo.stack_up(fo.Problem(lid, case, goal="clear", motion=fo.Translation("x"), sizes=[spacing]))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.04, 0.02), abs=1e-6)
+    for s in (-0.06, -0.01, 0.0, 0.03, 0.06):
+        assert stack.gap({"spacing": s}) == pytest.approx(0.02 - abs(s), abs=1e-6)
+    assert fo.verify(stack).passed
