@@ -134,13 +134,8 @@ def solution_figure(
 ) -> Figure:
     """Draw what an answer does: the bodies after it, their old place, the motion, and each contact magnified.
 
-    Parameters
-    ----------
-    solution : Solution
-    view : (elevation, azimuth), optional
-        Degrees; by default from where the nominal contact is seen best.
-    title, caption : str
-        Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
+    Seen from a `view` (elevation, azimuth; degrees), by default from where the nominal contact is seen best. In the
+    caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
     shown = "shown unmoved" if drawn["moved"] is None else "shown"
@@ -153,9 +148,9 @@ def solution_figure(
     return scene_figure(**drawn, said=said, title=title, caption=caption)
 
 
-def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = None) -> ScenePieces:
+def solution_pieces(solution: Solution) -> ScenePieces:
     """Draw the same in pieces, for a report."""
-    return scene_pieces(**_drawn(solution, view)[0])
+    return scene_pieces(**_drawn(solution, None)[0])
 
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:

@@ -31,23 +31,18 @@ MOST_NAMED = 200
 
 @styled
 def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "", beside: bool = True) -> Figure:
-    """Draw a decision curve in its box, with its segments' features and its switching points listed beside it.
-
-    Parameters
-    ----------
-    curve : DecisionCurve
-    title, caption : str
-        Text above and below the picture.
-    beside : bool
-        Whether the list is wanted.
-    """
+    """Draw a decision curve in its box; with `beside` its segments' features and switching points are listed there."""
     sheet = Sheet.of(PAGE if beside else 3.95, 3.7, title=title, caption=caption)
     axes = sheet.axes(0.5, 0.38, 3.3, 3.25)
     plane(axes, curve.box)
     draw_curve(axes, curve, BLUE, "-", "decision curve")
     names = Names(axes, pieces(curve))
     name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
-    name_sides(names, curve)
+    for corner, inwards in ((0, 1.0), (1, -1.0)):  # in two corners of the box, what the bodies are there
+        rho = np.asarray(curve.box)[:, corner]
+        gap = curve.gap(rho)
+        word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
+        names.put(word, rho, (inwards, inwards), colour=DARK)
     if beside:
         sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
     return sheet.figure
@@ -71,15 +66,7 @@ def before_after_figure(
     """Draw the decision curve before and after the motion: the whole box, and the tolerance box enlarged.
 
     Star: tracked point before; diamond: target pair (the parts made); circle: tracked point after; as in Figs. 6 and
-    7 of the paper.
-
-    Parameters
-    ----------
-    problem : Problem
-    solution : Solution, optional
-        Without one, and where it has no motion, only the curve before is drawn.
-    title, caption : str
-        Text above and below the picture.
+    7 of the paper. Without a solution, and where it has no motion, only the curve before is drawn.
     """
     before, after = problem.curve, None
     pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)
@@ -161,15 +148,6 @@ def name_curve(
             across = segment.line[:2] / per_unit
             side = sides[0] if across.sum() >= 0 else -sides[0]
             names.put(f"S{segment.index}{mark}", spots, side * across, colour=colour)
-
-
-def name_sides(names: Names, curve: DecisionCurve) -> None:
-    """Write in two corners of the box whether the bodies are apart or overlap there."""
-    for corner, inwards in ((0, 1.0), (1, -1.0)):
-        rho = np.asarray(curve.box)[:, corner]
-        gap = curve.gap(rho)
-        word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
-        names.put(word, rho, (inwards, inwards), colour=DARK)
 
 
 def draw_tolerance(axes: Any, problem: Problem) -> None:

@@ -14,22 +14,17 @@ PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
 """Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
 
-def console(*, stderr: bool = False) -> Any:
-    """Return a rich console; wide enough for everything where it is not a terminal.
-
-    The same one for a stream, so that what shows how far something is can stand below something else that does.
-    """
-    stream = sys.stderr if stderr else sys.stdout
-    terminal = stream is not None and stream.isatty()  # None: it was closed before the start
-    return _console(stderr, terminal, bool(os.environ.get("NO_COLOR")))
+def console() -> Any:
+    """Return a rich console, always the same; wide enough for everything where it is not a terminal."""
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # None: it was closed before the start
+    return _console(terminal, bool(os.environ.get("NO_COLOR")))
 
 
 @cache
-def _console(stderr: bool, terminal: bool, plain: bool) -> Any:
+def _console(terminal: bool, plain: bool) -> Any:
     from rich.console import Console
 
     return Console(
-        stderr=stderr,
         width=None if terminal else PIPED_WIDTH,
         markup=False,
         highlight=False,

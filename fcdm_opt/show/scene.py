@@ -817,17 +817,7 @@ def view_of(
 ) -> tuple[float, float]:
     """Return from where contact and motion at the nominal sizes are seen best: one view for all answers to a question.
 
-    Parameters
-    ----------
-    curve : DecisionCurve
-    nominal : (float, float)
-    shifts : tuple of (3,) tuples
-        Directions of the motion.
-
-    Returns
-    -------
-    (elevation, azimuth)
-        Degrees.
+    As elevation and azimuth, degrees; `shifts` are directions of the motion.
     """
     one, two = curve.movable.scaled(nominal[0]).moved(curve.transform), curve.static.scaled(nominal[1])
     sets = curve.contact_sets(nominal)
@@ -847,8 +837,10 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
     points = np.vstack([one.vertices, two.vertices])
     if not len(spots):
         normal = two.seed - one.seed
-    else:
-        normal = one.vertices.mean(axis=0) - two.vertices.mean(axis=0) if len(spots) < 3 else _normal(spots)
+    elif len(spots) < 3:
+        normal = one.vertices.mean(axis=0) - two.vertices.mean(axis=0)
+    else:  # in which they spread least
+        normal = np.linalg.svd(spots - spots.mean(axis=0))[2][2]
     size = float(np.ptp(points, axis=0).max())
     lines = np.array([normal, *shifts])
     long = np.linalg.norm(lines, axis=1)
@@ -878,11 +870,6 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
         return float(2.0 * (1.0 - shares[view]) + 0.8 * flatness + 0.2 * area - cost)
 
     return max(views, key=objective)
-
-
-def _normal(points: Array) -> Array:
-    """Return the direction in which points spread least."""
-    return np.asarray(np.linalg.svd(points - points.mean(axis=0))[2][2])
 
 
 def _hidden(levels: Array, speeds: Array, firsts: Ints) -> bool:
