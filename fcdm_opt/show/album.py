@@ -38,26 +38,11 @@ LONGEST_NAME = 100
 
 
 class Album:
-    """A directory that pictures are written to, as PNG and SVG.
+    """A directory that pictures are written to, as PNG and SVG; made if it is not there.
 
-    Parameters
-    ----------
-    directory : Path
-        Made if it is not there.
-    say : callable
-        Gets a line for each file that was written, or could not be.
-    dark : bool
-        Whether pictures are light on dark.
-
-    Attributes
-    ----------
-    failed : bool
-        Whether a picture could not be written.
-
-    Raises
-    ------
-    InputError
-        Where the directory cannot be made, or nothing can be drawn: before anything is solved.
+    `say` gets a line for each file that was written, or could not be: then it has `failed`. With `dark` pictures are
+    light on dark. Raises `InputError` where the directory cannot be made, or nothing can be drawn: before anything is
+    solved.
     """
 
     def __init__(self, directory: Path, say: Callable[[str], None], *, dark: bool = False) -> None:

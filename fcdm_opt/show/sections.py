@@ -139,12 +139,8 @@ def touching(curve: DecisionCurve, rho: ArrayLike) -> list[tuple[Contact, Array]
 class Cut(NamedTuple):
     """A plane at which bodies are cut open; what stands before it is taken away.
 
-    Attributes
-    ----------
-    point, facing : (3,) arrays
-        A point on it; its unit normal, towards the reader.
-    plane : (3, 2) array
-        Its directions, right and up.
+    `point`, (3,), is on it, `facing`, (3,), is its unit normal, towards the reader, and `plane`, (3, 2), has its
+    directions, right and up.
     """
 
     point: Array

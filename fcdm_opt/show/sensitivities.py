@@ -45,16 +45,9 @@ one line more takes, in bars; letters of a list of names."""
 class Bar(NamedTuple):
     """How much the amount changes, to first order, with a step of one datum.
 
-    Attributes
-    ----------
-    name : str
-        The datum, such as "size of lid".
-    value : float
-        Change of the amount, in its own units; nan where it has no derivative by this datum.
-    unit : str
-        The step, such as "+1 %".
-    note : str
-        What kind of data it is, and what is done to them: a picture has those of one kind and step under it.
+    `name` is the datum, such as "size of lid", `value` the change of the amount, in its own units, nan where it has no
+    derivative by this datum, and `unit` the step, such as "+1 %". `note` tells what kind of data it is, and what is
+    done to them: a picture has those of one kind and step under it.
     """
 
     name: str

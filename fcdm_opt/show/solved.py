@@ -61,12 +61,8 @@ def solved_case(
 ) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
-    What the enclosing time limit leaves no time for is left out, see `Solution.stopped`.
-
-    Raises
-    ------
-    InputError
-        As `solve` does.
+    What the enclosing time limit leaves no time for is left out, see `Solution.stopped`. Raises `InputError` as `solve`
+    does.
     """
     solution: Any = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
     shown = solution.status.found or (isinstance(problem, Problem) and solution.status is Status.INFEASIBLE)

@@ -176,10 +176,7 @@ def shares(sampling: str, count: int, dimensions: int, *, seed: int) -> Array:
 def grid(start: float, stop: float, count: int, spacing: str = "linear") -> tuple[float, ...]:
     """Return evenly spaced numbers, with both ends exactly as given; for "log" of equal ratios.
 
-    Raises
-    ------
-    InputError
-        Names the key of a grid: from, to, count.
+    Raises `InputError` that names the key of a grid: from, to, count.
     """
     for key, end in (("from", start), ("to", stop)):
         real(end, key, "a finite number")

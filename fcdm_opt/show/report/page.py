@@ -100,11 +100,7 @@ def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
     """Return the report on assemblies as one self-contained HTML text.
 
-    Parameters
-    ----------
-    files : sequence of mappings
-        Of each file "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
-    solutions : sequence of AssemblySolution
+    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
     """
     titles = [file["title"] or file["file"] for file in files]
     cases, figures, stacks = [], [], list[dict[str, Any]]()
