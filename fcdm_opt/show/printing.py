@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import redirect_stdout
 from functools import cache
+from io import StringIO
 from typing import Any
 
 from fcdm_opt.show.texts import units_text
@@ -99,3 +101,10 @@ def wrapped(text: str, width: int, indent: str = "") -> str:
     from textwrap import fill
 
     return fill(" ".join(text.split()), width, subsequent_indent=indent)
+
+
+def printed(printing: Callable[[Any], None], what: Any) -> str:
+    """Return what is printed of something, as through a pipe."""
+    with redirect_stdout(StringIO()) as stream:
+        printing(what)
+    return "\n".join(map(str.rstrip, stream.getvalue().rstrip().splitlines()))

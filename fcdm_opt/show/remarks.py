@@ -15,6 +15,7 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import measured, number_text
+from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -63,6 +64,11 @@ def known_gaps(scene: Scene) -> list[str]:
     """Return how well gaps of a scene's bodies are known, where that is less than the digits of files."""
     first, *others = scene.bodies
     return known_to(first, others, scene.unit)
+
+
+def answered_exactly(scene: Scene) -> bool:
+    """Tell whether answers about a scene's smallest motions are of the faces that its facets stand for."""
+    return on_true_faces(scene)
 
 
 def sizes_as_drawn(scene: Scene) -> list[str]:

@@ -302,20 +302,10 @@ def solid_body(body: Body) -> Body:
 
 @dataclass(frozen=True)
 class ShownPair:
-    """Bodies where and as large as they are shown, and the view they are seen from.
+    """Bodies where and as large as they are shown, and the view they are seen from, (elevation, azimuth) in degrees.
 
-    Attributes
-    ----------
-    bodies : (movable, static)
-        As they are drawn, see `solid_body`.
-    keep_out : tuple of Body
-        Those near enough to be shown.
-    points : (n, 3) array
-        What must be on the page.
-    view : (elevation, azimuth)
-        Degrees.
-    named : (movable, static), optional
-        Those whose elements features name.
+    `bodies`, movable and static, are as they are drawn, see `solid_body`; `named` are those whose elements features
+    name. `keep_out` are those near enough to be shown, and `points`, (n, 3), what must be on the page.
     """
 
     bodies: tuple[Body, Body]

@@ -5,10 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from io import StringIO
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -136,23 +134,6 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
 def _place(face: dict[str, Any]) -> tuple[int, str]:
     """Return where a face is listed: facets of a cylinder side by side, after the plane faces."""
     return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
-
-
-def _printed(printing: Callable[[Any], None], what: Any) -> str:
-    """Return what is printed, as through a pipe."""
-    with redirect_stdout(StringIO()) as stream:
-        printing(what)
-    return "\n".join(map(str.rstrip, stream.getvalue().rstrip().splitlines()))
-
-
-def stack_text(stack: StackUp) -> str:
-    """Return what `print_stack` prints without a yield."""
-    return _printed(print_stack, stack)
-
-
-def allocation_text(found: Allocation) -> str:
-    """Return what `print_allocation` prints."""
-    return _printed(print_allocation, found)
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:

@@ -48,7 +48,7 @@ class Allocation(Plain):
 
     def __str__(self) -> str:
         """Return the tolerances as a table."""
-        return str(imported("show.stacks:allocation_text")(self))
+        return str(imported("show.printing:printed")(imported("show.stacks:print_allocation"), self))
 
 
 def allocated(
