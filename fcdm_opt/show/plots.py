@@ -38,11 +38,7 @@ def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str
     draw_curve(axes, curve, BLUE, "-", "decision curve")
     names = Names(axes, pieces(curve))
     name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
-    for corner, inwards in ((0, 1.0), (1, -1.0)):  # in two corners of the box, what the bodies are there
-        rho = np.asarray(curve.box)[:, corner]
-        gap = curve.gap(rho)
-        word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
-        names.put(word, rho, (inwards, inwards), colour=DARK)
+    name_sides(names, curve)
     if beside:
         sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
     return sheet.figure
@@ -148,6 +144,15 @@ def name_curve(
             across = segment.line[:2] / per_unit
             side = sides[0] if across.sum() >= 0 else -sides[0]
             names.put(f"S{segment.index}{mark}", spots, side * across, colour=colour)
+
+
+def name_sides(names: Names, curve: DecisionCurve) -> None:
+    """Write in two corners of the box whether the bodies are apart or overlap there."""
+    for corner, inwards in ((0, 1.0), (1, -1.0)):
+        rho = np.asarray(curve.box)[:, corner]
+        gap = curve.gap(rho)
+        word = "apart" if gap > 0 else "overlapping" if gap < 0 else "touching"
+        names.put(word, rho, (inwards, inwards), colour=DARK)
 
 
 def draw_tolerance(axes: Any, problem: Problem) -> None:
