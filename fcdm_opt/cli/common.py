@@ -202,12 +202,8 @@ def opened_files(
     """Read all files; says on stderr what is wrong with one, and goes on with the others.
 
     Files of assemblies are refused unless `assemblies` are known what to do with. Only cases that are wanted are made,
-    with `some` the first that can be, or what is about its bodies alone.
-
-    Raises
-    ------
-    InputError
-        For a wanted case that no file has, or what else options name.
+    with `some` the first that can be, or what is about its bodies alone. Raises `InputError` for a wanted case that no
+    file has, or what else options name.
     """
     from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.assembly_file import AssemblyFile, is_assembly

@@ -68,10 +68,8 @@ class LentCommand(Command):
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Return the context of the command itself.
 
-        Raises
-        ------
-        InputError
-            Where it is not installed; its help says so. While a shell completes words, nothing is completed instead.
+        Raises `InputError` where it is not installed; its help says so. While a shell completes words, nothing is
+        completed instead.
         """
         points = entry_points(group=LENT, name=self.name or "")
         if not points:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import product
 from operator import itemgetter
 from types import MappingProxyType
@@ -54,13 +54,8 @@ class _Line(NamedTuple):
 class _TruePoints(NamedTuple):
     """Points with which true faces touch as drawn, (2, 3), and their normal from body 1 to body 2.
 
-    Attributes
-    ----------
-    turned : bool
-        Whether the normal turns with body 1, whose face is the plane one.
-    parts : (int, int)
-    pairs : set of (int, int)
-        The true faces that meet, by number in `true_faces`.
+    The normal is `turned` with body 1 whose face is the plane one; `pairs` are the true faces that meet, by number in
+    `true_faces`.
     """
 
     points: Array
@@ -111,16 +106,8 @@ class Extremes(NamedTuple):
 class ContactGaps:
     """The contacts of a question as drawn, with all sizes that its parts may have.
 
-    Attributes
-    ----------
-    relations : tuple of Problem
-        The two parts each contact is of, in the parameters of all motions.
-    sizes : Sizes
-    names : tuple of str
-        Of the sizes: scales of parts, or the question's own.
-    lines : list
-    size : float
-        Length that relative tolerances refer to.
+    `relations` are the two parts each contact is of, in the parameters of all motions, and `names` those of the sizes:
+    scales of parts, or the question's own. Relative tolerances refer to the length `size`.
     """
 
     permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
@@ -259,14 +246,14 @@ class ContactGaps:
         for (k, feature), own in self.contacts.items():
             claim = self.claim(self.relations[k], self.columns[k], transforms[k])
             values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
-            least, largest = _range(values, claim.box, claim.listed)
+            gaps = AffineGaps(values, rows.normals[own])
+            least, largest = _range(gaps, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
             if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without all other faces
                 one, two = (range(len(true_faces(body).patches)) for body in claim.bodies)
                 claim = replace(claim, permanent_faces=frozenset(product(one, two)) - met[feature])
             name = self.words(k, feature) if len(self.contacts) > 1 else ""
-            told = partial(_separation, values)
-            found.append(replace(claim, least=least, largest=largest, told=told, contact=contact, name=name))
+            found.append(replace(claim, least=least, largest=largest, told=gaps.gaps, contact=contact, name=name))
         return found
 
     def _parts(self, own: _Line) -> tuple[int, int]:
@@ -435,15 +422,10 @@ def _whole(body: Body, part: int) -> int:
     return part if body.full_body is None else body.part_indices[part]
 
 
-def _range(values: Array, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
+def _range(rows: AffineGaps, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
     """Return the least and the largest separation of a contact over all sizes, and where."""
     if listed is not None:
-        gaps = _separation(values, listed)
+        gaps = rows.gaps(listed)
         return (float(gaps.min()), listed[gaps.argmin()]), (float(gaps.max()), listed[gaps.argmax()])
-    most, high = least_of(-values, box)
-    return min((least_of(row[None], box) for row in values), key=itemgetter(0)), (-most, high)
-
-
-def _separation(values: Array, places: Array) -> Array:
-    """Return the least gap of a contact's rows at sizes, (n,)."""
-    return np.asarray((values[:, :1] + values[:, 1:] @ places.T).min(axis=0))
+    most, high = least_of(-rows.values, box)
+    return min((least_of(row[None], box) for row in rows.values), key=itemgetter(0)), (-most, high)

@@ -55,22 +55,9 @@ def put(
 ) -> Any:
     """Return a copy of tables with a value at a place; what lies beside the place is shared, not copied.
 
-    Parameters
-    ----------
-    tables : mapping or list
-    place : tuple
-        Tables on the way that are not there are made, items of lists are not.
-    value : object
-        None takes the key away.
-    dropped : callable
-        Which keys of the same table each key of the place excludes.
-    kept : container of tuple
-        Places that are not dropped for all that.
-
-    Raises
-    ------
-    InputError
-        Names the place where the way to it ends.
+    Tables on the way that are not there are made, items of lists are not; the value None takes the key away. `dropped`
+    tells which keys of the same table each key of the place excludes, and `kept` are places that are not dropped for
+    all that. Raises `InputError` that names the place where the way to it ends.
     """
 
     def changed(tables: Any, k: int) -> Any:

@@ -103,11 +103,7 @@ def excluded(key: str) -> tuple[str, ...]:
 class BodyTable:
     """A body or keep-out as a plain table; never changed, so that what follows from it is worked out once.
 
-    Attributes
-    ----------
-    data : mapping
-    role : str
-        "movable", "static", "keep-out 1" or the name of a part: the name of the body where none is given.
+    Its `role` is "movable", "static", "keep-out 1" or the name of a part: the name of the body where none is given.
     """
 
     data: Mapping[str, Any]
@@ -196,9 +192,9 @@ class SceneTables:
         """Return the scene of plain data with the keys bodies, or part and contact, and keep_out and size."""
         if assembled := {key: data[key] for key in ("contact",) if key in data}:
             parts = {str(table["name"]): table for table in data["part"]}
-            split = {name: _split(table) for name, table in parts.items()}
-            assembled["part"] = {name: rest for name, (_, rest) in split.items()}
-            bodies = {written(("part", name)): BodyTable(body, name) for name, (body, _) in split.items()}
+            assembled["part"] = {name: {k: x for k, x in own.items() if k in _OF_PARTS} for name, own in parts.items()}
+            bare = {name: {k: x for k, x in own.items() if k not in _OF_PARTS} for name, own in parts.items()}
+            bodies = {written(("part", name)): BodyTable(body, name) for name, body in bare.items()}
         else:
             bodies = {f"bodies.{role}": BodyTable(data["bodies"][role], role) for role in ROLES}
         others = enumerate(data.get("keep_out", ()), 1)
@@ -232,7 +228,8 @@ class SceneTables:
         if all("file" not in table.data for table in self.tables.values()):
             return self
         assert self.unit  # refuses different ones
-        return SceneTables(self._each(lambda table: table.drawn(self.checked_sizes)), self.sizes, self.assembled)
+        tables = _each(self.tables, lambda table: table.drawn(self.checked_sizes))
+        return SceneTables(tables, self.sizes, self.assembled)
 
     @cached_property
     def unit(self) -> str:
@@ -274,11 +271,8 @@ class SceneTables:
         """Refuse tables that are no bodies or sizes; reads and builds nothing."""
         if self.assembled:
             return
-        self._each(lambda table: table.checked)
+        _each(self.tables, lambda table: table.checked)
         assert len(self.checked_sizes) == len(self.sizes)  # refuses what is no size
-
-    def _each(self, made: Callable[[BodyTable], Any]) -> dict[str, Any]:
-        return _each(self.tables, made)
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
         """Return the scene with a value at a place.
@@ -345,12 +339,6 @@ def _each(tables: Mapping[str, BodyTable], made: Callable[[BodyTable], Any]) -> 
     return results
 
 
-def _split(part: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a part has of a body, and what besides."""
-    rest = {key: value for key, value in part.items() if key in _OF_PARTS}
-    return {key: value for key, value in part.items() if key not in rest}, rest
-
-
 @lru_cache(maxsize=REMEMBERED)
 def _scene(text: str) -> SceneTables:
     return SceneTables.of(json.loads(text))
@@ -358,14 +346,9 @@ def _scene(text: str) -> SceneTables:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One case of a file as plain tables, defaults merged in.
+    """One case of a file as plain tables, defaults merged in: the scene, and the keys of the case.
 
-    Attributes
-    ----------
-    scene : SceneTables
-        The bodies; questions that differ in their cases alone share it.
-    case : mapping
-        The keys of a case.
+    Questions that differ in their cases alone share the scene.
     """
 
     scene: SceneTables
@@ -410,18 +393,10 @@ class Question:
     def changed(self, values: Mapping[str, Any]) -> Question:
         """Return the question with other values at some places.
 
-        Parameters
-        ----------
-        values : mapping of place to value
-            A place that starts with `bodies.`, `part.`, `contact[`, `size` or `keep_out[` is of the scene, any other
-            of the case. None
-            takes a key away, so that its default holds. Setting an angle or pitch in one unit drops the other; setting
-            the target drops requirement and tolerance, and the other way round.
-
-        Raises
-        ------
-        InputError
-            Names a place whose way ends before it does, and a value that is no plain data.
+        A place that starts with `bodies.`, `part.`, `contact[`, `size` or `keep_out[` is of the scene, any other of the
+        case. None takes a key away, so that its default holds. Setting an angle or pitch in one unit drops the other;
+        setting the target drops requirement and tolerance, and the other way round. Raises `InputError` that names a
+        place whose way ends before it does, and a value that is no plain data.
         """
         scene, case = self.scene, self.case
         places = {parse(text): value for text, value in values.items()}

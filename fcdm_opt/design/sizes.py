@@ -73,10 +73,7 @@ class Sizes(Plain):
 def tolerance_box(problem: Scene) -> Array:
     """Return the scales that a problem's tolerance allows, (2, 2): nominal * (1 - minus) to nominal * (1 + plus).
 
-    Raises
-    ------
-    InputError
-        If the problem has none (it was given a target, or is an assembly), or one of 100 % and more.
+    Raises `InputError` if it has none (it was given a target, or is an assembly), or one of 100 % and more.
     """
     if not isinstance(problem, Problem) or problem.tolerance is None:
         allowed = (
@@ -90,13 +87,9 @@ def tolerance_box(problem: Scene) -> Array:
 
 
 def chosen_sizes(scene: Scene, over: Any) -> tuple[str, ...]:
-    """Return the names of the sizes, or scales, that a map is over.
+    """Return the names of the sizes, or scales, that a map is over: one, or a sequence.
 
-    Parameters
-    ----------
-    scene : Problem or Assembly
-    over : name, sequence of names, or None
-        None: all sizes, where there are some and no tolerance of the scales; else all scales.
+    By default all sizes, where there are some and no tolerance of the scales; else all scales.
     """
     own, scales = tuple(size.name for size in scene.sizes), tuple(scene.nominal_scales)
     asked = (own if by_name(scene) else scales) if over is None else (over,) if isinstance(over, str) else over
@@ -193,18 +186,9 @@ def box_of(problem: Problem, sizes: Any, box: Any) -> Array:
 def worst_sizes(problem: Problem, sizes: Any, box: Any) -> Sizes:
     """Return the size pairs among which the worst is looked for.
 
-    Parameters
-    ----------
-    problem : Problem
-    sizes : (n, 2) array, or a distribution for each body, optional
-        A list, or all that the distributions can give.
-    box : (2, 2), optional
-        In place of `sizes`; default without both the problem's tolerance.
-
-    Raises
-    ------
-    InputError
-        Where both are given, and for what is no size.
+    `sizes` is a list, (n, 2), or a distribution for each body: then all that they can give; or there is a `box`,
+    (2, 2), in their place; default the problem's tolerance. Raises `InputError` where both are given, and for what is
+    no size.
     """
     if sizes is None:
         return Sizes(box_of(problem, None, box))
@@ -232,14 +216,8 @@ def drawn_pairs(
 ) -> tuple[Array, str]:
     """Return sizes, (n, k), and what they are: a list itself, else `count` independent draws.
 
-    Parameters
-    ----------
-    sizes : (n, k) array, or a distribution for each size, or None
-        None: all sizes of the box, equally likely.
-    box : (k, 2) array
-    count, seed : int
-    positive : bool, or one for each size
-        Whether sizes are scales, > 0; else deviations.
+    `sizes` is a list, (n, k), a distribution for each size, or None: all sizes of the box, (k, 2), equally likely.
+    `positive`, once or for each size, tells whether they are scales, > 0; else deviations.
     """
     given = None if sizes is None else sources(sizes, positive=positive)
     if isinstance(given, np.ndarray):

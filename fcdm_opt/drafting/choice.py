@@ -36,14 +36,8 @@ NOISE = 1e-12  # relative: what is smaller is rounding, and is written as 0
 class Choice:
     """A goal and a motion, and what they lead to.
 
-    Attributes
-    ----------
-    goal : str
-    motion : Motion
-    solutions : dict
-        By requirement; None where it could not be asked.
-    contacts : str or tuple of str, optional
-        Contacts that are restored together: "all", labels, or None for the nominal contact.
+    `solutions` are by requirement, None where it could not be asked; `contacts` are those that are restored together:
+    "all", labels, or None for the nominal contact.
     """
 
     goal: str

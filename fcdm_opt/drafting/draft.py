@@ -106,21 +106,10 @@ def draft(
 ) -> Draft:
     """Return a commented problem file about two meshes, drawn in one frame; it solves as it stands.
 
-    Parameters
-    ----------
-    movable, static : path
-        STL, OBJ, PLY, OFF, GLB or STEP files.
-    file : path
-        Where the problem file will be: paths in it start there.
-    unit : str, optional
-        Unit of all lengths in it; default "mm".
-    deviation : float, optional
-        How far triangles may leave curved faces of STEP files at most, see `Body.from_file`.
-
-    Raises
-    ------
-    InputError
-        Names the mesh file that cannot be read or bounds no solid, or the argument.
+    Meshes are STL, OBJ, PLY, OFF, GLB or STEP files; paths start where the problem `file` will be. The `unit` of
+    all lengths in it is "mm" by default; `deviation` is how far triangles may leave curved faces of STEP files at most,
+    see `Body.from_file`. Raises `InputError` that names the mesh file that cannot be read or bounds no solid, or the
+    argument.
     """
     if unit is not None and unit not in NANOMETRES:
         what = f"unknown unit{closest(unit, NANOMETRES)}"

@@ -54,14 +54,7 @@ class Near(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """Where two parts are as drawn.
-
-    Attributes
-    ----------
-    movable, static : Body
-    unit : str
-        Of their lengths, as shown.
-    """
+    """Where two parts are as drawn; `unit` is that of their lengths, as shown."""
 
     movable: Body
     static: Body

@@ -151,7 +151,7 @@ class ContactRows:
 
     def __str__(self) -> str:
         """Return a table of the first rows: what touches, what is asked of it, its value and slopes at `at`."""
-        return imported("show.row_table:rows_text")(self)
+        return imported("show.printing:printed")(imported("show.row_table:print_contact_rows"), self)
 
     def __repr__(self) -> str:
         """Return how many rows of each kind there are, on one line."""

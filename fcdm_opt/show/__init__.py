@@ -212,22 +212,10 @@ def pixels(figure: Figure, *, across: int = SMALL, dark: bool = False) -> bytes:
 
 
 def save(figure: Figure, path: str | Path, *, small: bool = False, dark: bool = False) -> tuple[Path, ...]:
-    """Write a figure as PNG and SVG; the same figure gives the same bytes.
+    """Write a figure as PNG and SVG, and return both paths; the same figure gives the same bytes.
 
-    Parameters
-    ----------
-    figure : matplotlib Figure
-    path : path
-        Without suffix; missing directories are made.
-    small : bool
-        Write smaller PNGs too, with "-small" after the name, and "-small-dark" for dark pages.
-    dark : bool
-        Write both light on dark.
-
-    Returns
-    -------
-    tuple of Path
-        The PNG and the SVG file, and the small ones.
+    The path is without suffix; missing directories are made. With `small` there are smaller PNGs too, with "-small"
+    after the name, and "-small-dark" for dark pages; their paths follow. With `dark` both are light on dark.
     """
     base = Path(path)
     base.parent.mkdir(parents=True, exist_ok=True)

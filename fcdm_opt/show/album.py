@@ -38,26 +38,11 @@ LONGEST_NAME = 100
 
 
 class Album:
-    """A directory that pictures are written to, as PNG and SVG.
+    """A directory that pictures are written to, as PNG and SVG; made if it is not there.
 
-    Parameters
-    ----------
-    directory : Path
-        Made if it is not there.
-    say : callable
-        Gets a line for each file that was written, or could not be.
-    dark : bool
-        Whether pictures are light on dark.
-
-    Attributes
-    ----------
-    failed : bool
-        Whether a picture could not be written.
-
-    Raises
-    ------
-    InputError
-        Where the directory cannot be made, or nothing can be drawn: before anything is solved.
+    `say` gets a line for each file that was written, or could not be: then it has `failed`. With `dark` pictures are
+    light on dark. Raises `InputError` where the directory cannot be made, or nothing can be drawn: before anything is
+    solved.
     """
 
     def __init__(self, directory: Path, say: Callable[[str], None], *, dark: bool = False) -> None:
@@ -134,13 +119,8 @@ def solution_figure(
 ) -> Figure:
     """Draw what an answer does: the bodies after it, their old place, the motion, and each contact magnified.
 
-    Parameters
-    ----------
-    solution : Solution
-    view : (elevation, azimuth), optional
-        Degrees; by default from where the nominal contact is seen best.
-    title, caption : str
-        Text above and below the picture; "{sizes}" stands for the sizes at which the bodies are shown.
+    Seen from a `view` (elevation, azimuth; degrees), by default from where the nominal contact is seen best. In the
+    caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
     shown = "shown unmoved" if drawn["moved"] is None else "shown"
@@ -153,9 +133,9 @@ def solution_figure(
     return scene_figure(**drawn, said=said, title=title, caption=caption)
 
 
-def solution_pieces(solution: Solution, *, view: tuple[float, float] | None = None) -> ScenePieces:
+def solution_pieces(solution: Solution) -> ScenePieces:
     """Draw the same in pieces, for a report."""
-    return scene_pieces(**_drawn(solution, view)[0])
+    return scene_pieces(**_drawn(solution, None)[0])
 
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:

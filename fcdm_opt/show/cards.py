@@ -69,25 +69,11 @@ DOTS = 100
 class Card(NamedTuple):
     """A card, from its top to its bottom; texts are plain.
 
-    Attributes
-    ----------
-    title : str
-    said : str
-        A sentence below it.
-    facts : sequence of (name, value) or (name, value, unit)
-        Those without a value are left out.
-    tables : sequence of (heads, lines)
-    lists : dict
-        Lines by the name of their list.
-    state : str
-        In a badge beside the title, with a sign before it that tells the mood.
-    mood : {"good", "bad", "mind", ""}
-    picture : matplotlib Figure, optional
-        Beside all that, or below it where the page is narrow.
-    told : str
-        What the picture shows, for who cannot see it.
-    most : int
-        Lines of a list or table that are shown; how many more there are is said.
+    Below its title is a sentence, `said`, then facts, (name, value) or (name, value, unit), of which those without a
+    value are left out, tables, (heads, lines), and lists of lines by name; of each table and list `most` lines are
+    shown, and how many more there are is said. `state` is in a badge beside the title, with a sign before it that tells
+    the mood: "good", "bad", "mind" or "". The picture is beside all that, or below it where the page is narrow; `told`
+    is what it shows, for who cannot see it.
     """
 
     title: str

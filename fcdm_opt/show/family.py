@@ -43,12 +43,6 @@ def family_figure(coherent: CoherentRange, *, title: str = "") -> Figure:
     Left: the family, from the lower end (blue) over rest (black) to the upper end (vermillion); what the tracked
     features' segments sweep is shaded, and its two border curves are double lines. Right: the tracked pair's scales.
     Where the range leads out of the box of scales, it is drawn as far as the tracked pair stays in it.
-
-    Parameters
-    ----------
-    coherent : CoherentRange
-    title : str
-        Text above the picture.
     """
     sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join(range_texts(coherent)))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))

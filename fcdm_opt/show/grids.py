@@ -28,16 +28,10 @@ NOTHING = 1e-5
 class Grid(NamedTuple):
     """One parameter of a motion over the sizes.
 
-    Attributes
-    ----------
-    name, unit : str
-    rows, columns : sequence of str
-        All sizes but the last one, and the last one; of a single size that and nothing: lengths that can be measured,
-        without a unit per cent off the nominal ones; of sizes by name what they measure, with the deviation from
-        drawn, or that alone.
-    cells : sequence of sequence of str
-        A row for each of the rows; a dash where there is no motion, a question mark where
-        that is not known.
+    `rows` are all sizes but the last one, and `columns` the last one; of a single size that and nothing: lengths that
+    can be measured, without a unit per cent off the nominal ones; of sizes by name what they measure, with the
+    deviation from drawn, or that alone. `cells` are a row for each of the rows; a dash where there is no motion, a
+    question mark where that is not known.
     """
 
     name: str

@@ -40,13 +40,7 @@ CLEAR = 1.0
 class Sheet:
     """A figure with a title above and a caption below an area that is measured in inches from its lower left corner.
 
-    Attributes
-    ----------
-    figure : matplotlib Figure
-    size : (width, height)
-        Of the area.
-    foot : float
-        Height of what is below it.
+    `size`, (width, height), is that of the area, `foot` the height of what is below it.
     """
 
     figure: Figure
@@ -158,12 +152,7 @@ def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = 
 class Names:
     """Names beside what they name in one panel: each keeps clear of the others, and of lines where it can.
 
-    Parameters
-    ----------
-    axes : matplotlib Axes
-        With its place and limits set.
-    lines : (n, 2, 2) array
-        Ends of straight pieces that names should not cross.
+    The axes have their place and limits; `lines`, (n, 2, 2), are ends of straight pieces that names should not cross.
     """
 
     def __init__(self, axes: Any, lines: ArrayLike = ()) -> None:
@@ -178,25 +167,12 @@ class Names:
         self._taken.append(np.array([middle - half, middle + half]))
 
     def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False) -> float | None:
-        """Write a name beside the first of several points where there is room; leave it out where there is none.
+        """Write a name beside the first of several points, (n, 2), where there is room; leave it out else.
 
-        Returns
-        -------
-        distance : float or None
-            How far its middle is from that point, in points of the page; None: it is left out.
-
-        Parameters
-        ----------
-        text : str
-        anchors : (n, 2) array
-            Points that may be named, the best first.
-        away : (2,) array
-            Direction on the page, in which the name stands if it can.
-        colour : str
-            Of the text; a line of this colour leads to a name that stands far off.
-        upon : bool
-            Write it upon the first point where it covers no other and no line, if there is one; else a line leads to
-            it however near it stands, from a dot at the point.
+        Points are the best first; the name stands in the direction `away`, (2,), on the page if it can, and a line of
+        its colour leads to one that stands far off. With `upon` it stands upon the first point where it covers no other
+        and no line, if there is one; else a line leads to it however near it stands, from a dot at the point. Returns
+        how far its middle is from that point, in points of the page; None where it is left out.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox
@@ -262,17 +238,8 @@ class Names:
 def clipped(lines: ArrayLike, window: ArrayLike) -> tuple[Array, Any]:
     """Return the parts inside a window of straight pieces (n, 2, 2) that pass through it, and which these are.
 
-    Parameters
-    ----------
-    lines : (n, 2, 2) array
-        Both ends of each piece; those that are not finite are outside.
-    window : (2, 2) array
-        Low and high of both scales.
-
-    Returns
-    -------
-    parts : (k, 2, 2) array
-    inside : (n,) array of bool
+    The window, (2, 2), has low and high of both scales; pieces that are not finite are outside. Parts are (k, 2, 2),
+    and a flag for each piece, (n,), tells which.
     """
     whole = np.asarray(lines, dtype=float).reshape(-1, 2, 2)
     low, high = np.asarray(window, dtype=float).T

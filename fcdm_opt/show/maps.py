@@ -50,25 +50,18 @@ INDICES = (("by itself", BLUE, None), ("with all others", VERMILLION, "////"))
 
 
 @styled
-def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: str = "", caption: str = "") -> Figure:
+def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: str = "") -> Figure:
     """Draw the amount over the box of sizes with the boundaries of its regions; list what holds the motion in each.
 
     Over one size it is a curve. Over more than two each pair of them has a panel, a slice in which all others are as
     drawn, or nominal; in the middle of the box where that is outside it. Boundaries at which the motion jumps are
     double lines; where there is no motion, or none is known, the plane is hatched. Star: nominal pair, or as drawn; A
-    to D: the corners of the box that the requirements of these letters ask for.
-
-    Parameters
-    ----------
-    sizes : CompensationMap
-    problem : Problem or Assembly, optional
-        What the map is of: then contacts are told by names of faces, not by labels.
-    title, caption : str
-        Text above and below the picture.
+    to D: the corners of the box that the requirements of these letters ask for. With the `problem` that the map is of
+    contacts are told by names of faces, not by labels.
     """
     kind = {1: "sizes", 2: "pairs"}.get(len(sizes.box), "sets of sizes")
     below = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
-    sheet = Sheet.of(PAGE, 3.2, title=title, caption="\n".join(filter(None, (caption, below))))
+    sheet = Sheet.of(PAGE, 3.2, title=title, caption=below)
     named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
     labels = [
         literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
@@ -247,17 +240,10 @@ def _mark(axes: Any, sizes: CompensationMap, pair: tuple[int, int]) -> None:
 
 
 @styled
-def yield_figure(result: AssemblyYield, *, title: str = "", caption: str = "") -> Figure:
-    """Draw how the amounts of all pairs are spread about the budget, and what each size's tolerance contributes.
-
-    Parameters
-    ----------
-    result : AssemblyYield
-    title, caption : str
-        Text above and below the picture; the default caption tells the share and what fails otherwise.
-    """
+def yield_figure(result: AssemblyYield, *, title: str = "") -> Figure:
+    """Draw how the amounts of all pairs are spread about the budget, and what each size's tolerance contributes."""
     more = 0.3 * max(len(result.contributions) - 2, 0)  # room for further sizes
-    sheet = Sheet.of(PAGE, 2.95 + 2.0 * more, title=title, caption=caption or str(result))
+    sheet = Sheet.of(PAGE, 2.95 + 2.0 * more, title=title, caption=str(result))
     amounts = sheet.axes(0.55, 0.65, 3.0, 2.2 + 2.0 * more)
     _draw_amounts(amounts, result)
     _draw_indices(sheet.axes(4.75, 1.85 + more, 1.8, 0.72 + more), result)

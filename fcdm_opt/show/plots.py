@@ -31,16 +31,7 @@ MOST_NAMED = 200
 
 @styled
 def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "", beside: bool = True) -> Figure:
-    """Draw a decision curve in its box, with its segments' features and its switching points listed beside it.
-
-    Parameters
-    ----------
-    curve : DecisionCurve
-    title, caption : str
-        Text above and below the picture.
-    beside : bool
-        Whether the list is wanted.
-    """
+    """Draw a decision curve in its box; with `beside` its segments' features and switching points are listed there."""
     sheet = Sheet.of(PAGE if beside else 3.95, 3.7, title=title, caption=caption)
     axes = sheet.axes(0.5, 0.38, 3.3, 3.25)
     plane(axes, curve.box)
@@ -71,15 +62,7 @@ def before_after_figure(
     """Draw the decision curve before and after the motion: the whole box, and the tolerance box enlarged.
 
     Star: tracked point before; diamond: target pair (the parts made); circle: tracked point after; as in Figs. 6 and
-    7 of the paper.
-
-    Parameters
-    ----------
-    problem : Problem
-    solution : Solution, optional
-        Without one, and where it has no motion, only the curve before is drawn.
-    title, caption : str
-        Text above and below the picture.
+    7 of the paper. Without a solution, and where it has no motion, only the curve before is drawn.
     """
     before, after = problem.curve, None
     pose, rho = (None, None) if solution is None else (solution.transform, solution.rho)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import redirect_stdout
 from functools import cache
+from io import StringIO
 from typing import Any
 
 from fcdm_opt.show.texts import units_text
@@ -14,22 +16,17 @@ PIPED_WIDTH, TEXT_WIDTH, CELL_WIDTH = 200, 110, 16
 """Columns of a table that is not printed on a terminal (more than any needs: nothing is folded), of text, of a name."""
 
 
-def console(*, stderr: bool = False) -> Any:
-    """Return a rich console; wide enough for everything where it is not a terminal.
-
-    The same one for a stream, so that what shows how far something is can stand below something else that does.
-    """
-    stream = sys.stderr if stderr else sys.stdout
-    terminal = stream is not None and stream.isatty()  # None: it was closed before the start
-    return _console(stderr, terminal, bool(os.environ.get("NO_COLOR")))
+def console() -> Any:
+    """Return a rich console, always the same; wide enough for everything where it is not a terminal."""
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # None: it was closed before the start
+    return _console(terminal, bool(os.environ.get("NO_COLOR")))
 
 
 @cache
-def _console(stderr: bool, terminal: bool, plain: bool) -> Any:
+def _console(terminal: bool, plain: bool) -> Any:
     from rich.console import Console
 
     return Console(
-        stderr=stderr,
         width=None if terminal else PIPED_WIDTH,
         markup=False,
         highlight=False,
@@ -104,3 +101,10 @@ def wrapped(text: str, width: int, indent: str = "") -> str:
     from textwrap import fill
 
     return fill(" ".join(text.split()), width, subsequent_indent=indent)
+
+
+def printed(printing: Callable[[Any], None], what: Any) -> str:
+    """Return what is printed of something, as through a pipe."""
+    with redirect_stdout(StringIO()) as stream:
+        printing(what)
+    return "\n".join(map(str.rstrip, stream.getvalue().rstrip().splitlines()))

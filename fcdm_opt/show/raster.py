@@ -30,16 +30,10 @@ TINT = 0.62
 
 
 class Raster:
-    """A picture of surfaces seen in parallel projection.
+    """A picture of surfaces seen in parallel projection, `width` pixels across.
 
-    Parameters
-    ----------
-    page : (3, 2) array
-        The page's directions, right and up.
-    low, high : (2,) arrays
-        Corners of the area shown, in lengths along these.
-    width : int
-        Pixels across.
+    `page`, (3, 2), has the page's directions, right and up; `low` and `high`, (2,), are corners of the area shown, in
+    lengths along these.
     """
 
     def __init__(self, page: Array, low: Array, high: Array, width: int) -> None:

@@ -30,16 +30,8 @@ def rendered(template: str, **data: Any) -> str:
 def whole_page(template: str, *, scripts: Sequence[str] = (), figures: Any = None, **data: Any) -> str:
     """Return a page that is one file, with scripts, what they draw and plotly.js inside it where there are scripts.
 
-    Parameters
-    ----------
-    template : str
-        That extends "frame.html".
-    scripts : sequence of str
-        Files beside the templates, joined in this order after "common.js".
-    figures : plain data
-        What the scripts read, as `JSON.parse` gives it.
-    **data
-        Plain data for the template.
+    The template extends "frame.html", and gets plain data. Scripts are files beside the templates, joined in this order
+    after "common.js"; `figures`, plain data, is what they read, as `JSON.parse` gives it.
     """
     css, *js = (environment().loader.get_source(environment(), name)[0] for name in ("page.css", "common.js", *scripts))
     notice, script = plotly() if scripts else ("", "")

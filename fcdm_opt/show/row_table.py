@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import redirect_stdout
-from io import StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +20,8 @@ OF_LEAST = ("least gap", "gap >=")
 """How what is asked begins where of many features none is named."""
 
 
-def rows_text(rows: ContactRows) -> str:
-    """Return the first rows as a table, as through a pipe, and how many more there are.
+def print_contact_rows(rows: ContactRows) -> None:
+    """Print the first rows as a table, and how many more there are.
 
     Of contacts of which only the least gap is asked about, the least first.
     """
@@ -34,14 +32,12 @@ def rows_text(rows: ContactRows) -> str:
         count = len(rows.contacts)
         every[:count] = sorted(every[:count], key=lambda own: float(own[1](q=rows.at)["gap"]))
     place = ", ".join(f"{name} {number(x)}" for name, x in zip(rows.parameters, rows.at.tolist(), strict=True))
-    with redirect_stdout(StringIO()) as output:
-        units = f"; lengths in {rows.unit}, angles in radians" if rows.unit else ""
-        print_text(f"rows at {shortened(place, LONGEST)}{units}")
-        if every:
-            print_rows([_cells(kind, row, rows) for kind, row in every[:MOST]], numbers=("value",))
-        if len(every) > MOST:
-            print_text(f"... and {len(every) - MOST} more")
-    return "\n".join(map(str.rstrip, output.getvalue().rstrip().splitlines()))
+    units = f"; lengths in {rows.unit}, angles in radians" if rows.unit else ""
+    print_text(f"rows at {shortened(place, LONGEST)}{units}")
+    if every:
+        print_rows([_cells(kind, row, rows) for kind, row in every[:MOST]], numbers=("value",))
+    if len(every) > MOST:
+        print_text(f"... and {len(every) - MOST} more")
 
 
 def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:

@@ -103,19 +103,9 @@ def scene_figure(
 ) -> Figure:
     """Draw both bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
-    Parameters
-    ----------
-    shown : ShownPair
-    contacts : sequence of Touching
-        What touches, each with an inset that magnifies it.
-    moved : (4, 4) array, optional
-        The motion that brought body 1 here: its old place is drawn in dashes, as many times as far off as is said.
-    said : str
-        The motion in words, beside its arrow.
-    unit : str
-        Of lengths, beside the bar of known length.
-    title, caption : str
-        Text above and below the picture.
+    Each of the `contacts`, what touches, has an inset that magnifies it. `moved`, (4, 4), is the motion that brought
+    body 1 here, in words beside its arrow where it is `said`: its old place is drawn in dashes, as many times as far
+    off as the legend says. The unit of lengths stands beside the bar of known length.
     """
     insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
@@ -236,16 +226,10 @@ def body_figure(body: Body) -> Figure:
 
 
 class ShownParts(NamedTuple):
-    """Several bodies where they are.
+    """Several bodies where they are, their names, what touches, and the unit of lengths.
 
-    Attributes
-    ----------
-    bodies : list of Body
-    names : list of str
-    ways : list of (3,) arrays
-        Where each came from: an arrow of one length points away from there; none where 0, or for bodies beyond these.
-    contacts : list of Touching
-    unit : str
+    `ways`, (3,) each, tell where each body came from: an arrow of one length points away from there; none where 0, or
+    for bodies beyond these.
     """
 
     bodies: Sequence[Body]
@@ -318,20 +302,10 @@ def solid_body(body: Body) -> Body:
 
 @dataclass(frozen=True)
 class ShownPair:
-    """Bodies where and as large as they are shown, and the view they are seen from.
+    """Bodies where and as large as they are shown, and the view they are seen from, (elevation, azimuth) in degrees.
 
-    Attributes
-    ----------
-    bodies : (movable, static)
-        As they are drawn, see `solid_body`.
-    keep_out : tuple of Body
-        Those near enough to be shown.
-    points : (n, 3) array
-        What must be on the page.
-    view : (elevation, azimuth)
-        Degrees.
-    named : (movable, static), optional
-        Those whose elements features name.
+    `bodies`, movable and static, are as they are drawn, see `solid_body`; `named` are those whose elements features
+    name. `keep_out` are those near enough to be shown, and `points`, (n, 3), what must be on the page.
     """
 
     bodies: tuple[Body, Body]
@@ -353,16 +327,8 @@ class ShownPair:
     ) -> ShownPair:
         """Return the bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
 
-        Parameters
-        ----------
-        movable, static : Body
-            As drawn.
-        rho : (2,) array
-            Scales at which they are shown.
-        transform : (4, 4) array, optional
-            Rigid motion of body 1.
-        keep_out : sequence of Body
-            Further static bodies, as they are; those far away are left out.
+        Bodies are given as drawn; `rho`, (2,), are the scales at which they are shown, `transform`, (4, 4), is a rigid
+        motion of body 1. Further static bodies, `keep_out`, are shown as they are; those far away are left out.
         """
         sizes = np.asarray(rho, dtype=float)
         placed = np.eye(4) if transform is None else transform
@@ -794,15 +760,11 @@ def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
     faces = [face_polygons(body, element) for body, element in sides]
     origin, normal = faces[0][0][0], unit_normals(faces[0][0][None])[0]
     flat = np.linalg.svd(normal[None])[2][1:]
-    one, two = (CrossSection(_projected(own, origin, flat), FillRule.NonZero) for own in faces)
+    one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in faces)
     outlines = (one ^ two).to_polygons()
     if not outlines:
         return np.empty((0, 3, 3))
     return origin + (np.vstack(outlines) @ flat)[np.array(triangulate(outlines))]
-
-
-def _projected(polygons: list[Array], origin: Array, flat: Array) -> list[Array]:
-    return np.split((np.concatenate(polygons) - origin) @ flat.T, np.cumsum(list(map(len, polygons)))[:-1])
 
 
 def shifts_of(problem: Problem) -> tuple[tuple[float, ...], ...]:
@@ -817,17 +779,7 @@ def view_of(
 ) -> tuple[float, float]:
     """Return from where contact and motion at the nominal sizes are seen best: one view for all answers to a question.
 
-    Parameters
-    ----------
-    curve : DecisionCurve
-    nominal : (float, float)
-    shifts : tuple of (3,) tuples
-        Directions of the motion.
-
-    Returns
-    -------
-    (elevation, azimuth)
-        Degrees.
+    As elevation and azimuth, degrees; `shifts` are directions of the motion.
     """
     one, two = curve.movable.scaled(nominal[0]).moved(curve.transform), curve.static.scaled(nominal[1])
     sets = curve.contact_sets(nominal)
@@ -847,8 +799,10 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
     points = np.vstack([one.vertices, two.vertices])
     if not len(spots):
         normal = two.seed - one.seed
-    else:
-        normal = one.vertices.mean(axis=0) - two.vertices.mean(axis=0) if len(spots) < 3 else _normal(spots)
+    elif len(spots) < 3:
+        normal = one.vertices.mean(axis=0) - two.vertices.mean(axis=0)
+    else:  # in which they spread least
+        normal = np.linalg.svd(spots - spots.mean(axis=0))[2][2]
     size = float(np.ptp(points, axis=0).max())
     lines = np.array([normal, *shifts])
     long = np.linalg.norm(lines, axis=1)
@@ -861,9 +815,21 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
     points = points[ConvexHull(points).vertices]
 
     def hidden(spots: Array, view: tuple[float, float]) -> float:
-        toward = np.cross(*page_directions(*view).T)
-        starts = spots[:: -(-len(spots) * len(parts) // MOST_RAYS)] + 1e-3 * size * toward
-        return float(np.mean([_hidden(levels - normals @ start, normals @ toward, firsts) for start in starts]))
+        """Return the share of spots that the inside of a convex part hides.
+
+        There, time times speed along a ray is at most the level for each of the part's faces, which begin at `firsts`.
+        """
+        toward, inside = np.cross(*page_directions(*view).T), list[bool]()
+        speeds = normals @ toward
+        flat = np.abs(speeds) < 1e-12
+        for start in spots[:: -(-len(spots) * len(parts) // MOST_RAYS)] + 1e-3 * size * toward:
+            heights = levels - normals @ start
+            times = heights / np.where(flat, 1.0, speeds)
+            enter = np.maximum.reduceat(np.where(flat | (speeds > 0.0), 0.0, times), firsts)
+            leave = np.minimum.reduceat(np.where(flat | (speeds < 0.0), np.inf, times), firsts)
+            clear = np.logical_or.reduceat(flat & (heights <= 0.0), firsts)
+            inside.append(bool((~clear & (leave > np.maximum(enter, 0.0) + 1e-9)).any()))
+        return float(np.mean(inside))
 
     shares = {view: hidden(spots, view) if len(spots) else 1.0 for view in views}
     if min(shares.values()) == 1.0:
@@ -878,24 +844,6 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
         return float(2.0 * (1.0 - shares[view]) + 0.8 * flatness + 0.2 * area - cost)
 
     return max(views, key=objective)
-
-
-def _normal(points: Array) -> Array:
-    """Return the direction in which points spread least."""
-    return np.asarray(np.linalg.svd(points - points.mean(axis=0))[2][2])
-
-
-def _hidden(levels: Array, speeds: Array, firsts: Ints) -> bool:
-    """Tell whether a ray goes through the inside of one of some convex parts.
-
-    Inside a part, time times speed is at most the level for each of its faces, which begin at `firsts`.
-    """
-    flat = np.abs(speeds) < 1e-12
-    times = levels / np.where(flat, 1.0, speeds)
-    enter = np.maximum.reduceat(np.where(flat | (speeds > 0.0), 0.0, times), firsts)
-    leave = np.minimum.reduceat(np.where(flat | (speeds < 0.0), np.inf, times), firsts)
-    clear = np.logical_or.reduceat(flat & (levels <= 0.0), firsts)
-    return bool((~clear & (leave > np.maximum(enter, 0.0) + 1e-9)).any())
 
 
 def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair, more: ArrayLike = ()) -> Any:

@@ -53,18 +53,10 @@ VIEWS = (("from the left", "from the right"), ("from the front", "from the back"
 class Touching(NamedTuple):
     """Where two bodies touch, or overlap.
 
-    Attributes
-    ----------
-    pieces : tuple of (k, 3) arrays
-        Corners of convex polygons that make up the area that they share, or of the line or point, world frame.
-    normal : (3,) array
-        Across it, a unit vector.
-    across : (2, 3) array, optional
-        Of an overlap, whose surface the pieces are: points of both bodies' surfaces where it is deep.
-    number : int
-        As texts and tables count contacts, 0 where it is the only one, or one of very many.
-    told : str
-        Beside the number: what touches what.
+    `pieces`, (k, 3) each, are corners of convex polygons that make up the area that they share, or of the line or
+    point, world frame; `normal`, (3,), is a unit vector across it. Of an overlap the pieces are the surface, and
+    `across`, (2, 3), are points of both bodies' surfaces where it is deep. `number` is as texts and tables count
+    contacts, 0 where it is the only one, or one of very many; `told` is what touches what.
     """
 
     pieces: tuple[Array, ...]
@@ -139,12 +131,8 @@ def touching(curve: DecisionCurve, rho: ArrayLike) -> list[tuple[Contact, Array]
 class Cut(NamedTuple):
     """A plane at which bodies are cut open; what stands before it is taken away.
 
-    Attributes
-    ----------
-    point, facing : (3,) arrays
-        A point on it; its unit normal, towards the reader.
-    plane : (3, 2) array
-        Its directions, right and up.
+    `point`, (3,), is on it, `facing`, (3,), is its unit normal, towards the reader, and `plane`, (3, 2), has its
+    directions, right and up.
     """
 
     point: Array

@@ -45,16 +45,9 @@ one line more takes, in bars; letters of a list of names."""
 class Bar(NamedTuple):
     """How much the amount changes, to first order, with a step of one datum.
 
-    Attributes
-    ----------
-    name : str
-        The datum, such as "size of lid".
-    value : float
-        Change of the amount, in its own units; nan where it has no derivative by this datum.
-    unit : str
-        The step, such as "+1 %".
-    note : str
-        What kind of data it is, and what is done to them: a picture has those of one kind and step under it.
+    `name` is the datum, such as "size of lid", `value` the change of the amount, in its own units, nan where it has no
+    derivative by this datum, and `unit` the step, such as "+1 %". `note` tells what kind of data it is, and what is
+    done to them: a picture has those of one kind and step under it.
     """
 
     name: str
@@ -68,12 +61,6 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     """Draw what the least amount depends on: a bar for a step of each datum; lower amounts are hatched.
 
     Where derivatives do not exist, or hold on one side only, the caption says why.
-
-    Parameters
-    ----------
-    solution : Solution
-    title, caption : str
-        Text above and below the picture.
     """
     derivatives, problem = solution.sensitivity, solution.problem
     every = bars(derivatives, problem)
@@ -156,18 +143,8 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
     at that distance about as far, sizes by name by half their tolerance where they have one. Sizes of both bodies come
     first and always, then what else matters, by kind; the seed and, where a face cannot be shifted without breaking a
     corner, the vertices count in the direction that costs most. Faces and vertices by which the amount has no
-    derivative are left out.
-
-    Parameters
-    ----------
-    sensitivity : Sensitivity
-    problem : Problem
-        The solved one.
-
-    Returns
-    -------
-    list of Bar
-        Empty where no derivative exists, as without a motion, and where nothing matters, as where none is needed.
+    derivative are left out. Empty where no derivative exists, as without a motion, and where nothing matters, as where
+    none is needed.
     """
     every = list(_all(sensitivity, problem))
     largest = max((abs(bar.value) for bar in every if math.isfinite(bar.value)), default=0.0)

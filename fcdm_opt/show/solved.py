@@ -28,19 +28,11 @@ FITTED = 6000
 class SolvedCase:
     """A case after solving it, with what a table sets beside it.
 
-    Attributes
-    ----------
-    solution : Solution or AssemblySolution
-    published_amount : float or None
-        Amount of the reference motion that the file gives.
-    touch_amount : float or None
-        Least amount for goal "touch" with the same motions, beside goal "beyond".
-    fits_up_to : float or None
-        Where the parts made do not go together, the tolerance up to which they do (the largest, where there are
-        several), see `fcdm_opt.design.whatif.fitting`. None elsewhere, of large meshes, and where no tolerances are
-        asked for.
-    unproved : str
-        Why a bound that was to be certified carries no evidence, in words; "" where it does, or was not to be.
+    `published_amount` is that of the reference motion that the file gives, `touch_amount` the least amount for goal
+    "touch" with the same motions, beside goal "beyond". `fits_up_to` is the tolerance up to which parts made that do
+    not go together do (the largest, where there are several), see `fcdm_opt.design.whatif.fitting`; None elsewhere, of
+    large meshes, and where no tolerances are asked for. `unproved` is why a bound that was to be certified carries no
+    evidence, in words; "" where it does, or was not to be.
     """
 
     solution: Any
@@ -61,12 +53,8 @@ def solved_case(
 ) -> SolvedCase:
     """Solve a case, have its proof checked, and beside goal "beyond" ask for contact alone with the same motions.
 
-    What the enclosing time limit leaves no time for is left out, see `Solution.stopped`.
-
-    Raises
-    ------
-    InputError
-        As `solve` does.
+    What the enclosing time limit leaves no time for is left out, see `Solution.stopped`. Raises `InputError` as `solve`
+    does.
     """
     solution: Any = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
     shown = solution.status.found or (isinstance(problem, Problem) and solution.status is Status.INFEASIBLE)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from io import StringIO
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -136,23 +134,6 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
 def _place(face: dict[str, Any]) -> tuple[int, str]:
     """Return where a face is listed: facets of a cylinder side by side, after the plane faces."""
     return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
-
-
-def _printed(printing: Callable[[Any], None], what: Any) -> str:
-    """Return what is printed, as through a pipe."""
-    with redirect_stdout(StringIO()) as stream:
-        printing(what)
-    return "\n".join(map(str.rstrip, stream.getvalue().rstrip().splitlines()))
-
-
-def stack_text(stack: StackUp) -> str:
-    """Return what `print_stack` prints without a yield."""
-    return _printed(print_stack, stack)
-
-
-def allocation_text(found: Allocation) -> str:
-    """Return what `print_allocation` prints."""
-    return _printed(print_allocation, found)
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
@@ -301,17 +282,9 @@ def write_stack(stack: StackUp, path: Path) -> None:
 
 
 @styled
-def stack_figure(stack: StackUp, share: GapYield, *, title: str = "", caption: str = "") -> Figure:
-    """Draw what each size contributes, and how the gap is spread about its limits.
-
-    Parameters
-    ----------
-    stack : StackUp
-    share : GapYield
-    title, caption : str
-        Text above and below the picture.
-    """
-    sheet = Sheet.of(PAGE, 2.9, title=title, caption=caption)
+def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
+    """Draw what each size contributes, and how the gap is spread about its limits."""
+    sheet = Sheet.of(PAGE, 2.9, title=title)
     bars, gaps = sheet.axes(1.3, 0.45, 1.9, 2.2), sheet.axes(4.0, 0.45, 2.6, 2.2)
     shown = stack.contributions[:MOST_BARS]
     rows = np.arange(len(shown))
@@ -356,20 +329,10 @@ def _legend(axes: Any) -> None:
 
 
 @styled
-def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", caption: str = "") -> Figure:
+def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "") -> Figure:
     """Draw the gap over two sizes, all others as drawn: where the parts touch, its limits, and the tolerances.
 
-    Parameters
-    ----------
-    stack : StackUp
-    names : (str, str)
-    title, caption : str
-        Text above and below the picture.
-
-    Raises
-    ------
-    InputError
-        Where these are not two sizes of the stack-up.
+    Raises `InputError` where `names` are not two sizes of the stack-up.
     """
     from matplotlib.patches import Rectangle
 
@@ -391,7 +354,7 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
     lines = [(0.0, "line: touching", "solid", 1.6), *((x, "dashed: limits", "dashed", 1.0) for x in stack.limits if x)]
     lines = [line for line in lines if gap.min() < line[0] < gap.max()]
     signs = dict.fromkeys([*(line[1] for line in lines), "box: tolerances"])
-    sheet = Sheet.of(PAGE, 3.3, title=title, caption=caption or "; ".join(signs))
+    sheet = Sheet.of(PAGE, 3.3, title=title, caption="; ".join(signs))
     axes, bar = sheet.axes(0.8, 0.45, 4.8, 2.7), sheet.axes(5.75, 0.45, 0.1, 2.7)
     most = max(float(np.abs(gap).max()), float(np.finfo(float).tiny))
     mesh = axes.pcolormesh(*sides, gap, cmap="RdBu", vmin=-most, vmax=most, shading="gouraud", rasterized=True)
@@ -409,21 +372,15 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "", capti
 
 
 @styled
-def faces_figure(problem: Scene, *, title: str = "", caption: str = "") -> Figure:
+def faces_figure(problem: Scene, *, title: str = "") -> Figure:
     """Draw all bodies as drawn, with a number at each face that can be seen: from two opposite sides, or from four.
 
     Facets of one round face have one number, that of the first.
-
-    Parameters
-    ----------
-    problem : Problem or Assembly
-    title, caption : str
-        Text above and below the picture.
     """
-    sheet, hidden = _faces_sheet(problem, [SIDES] * len(problem.drawn), title=title, caption=caption)
+    sheet, hidden = _faces_sheet(problem, [SIDES] * len(problem.drawn), title)
     if any(hidden):
         each = [{**SIDES, **OTHER_SIDES} if unseen else SIDES for unseen in hidden]
-        sheet, hidden = _faces_sheet(problem, each, title=title, caption=caption)
+        sheet, hidden = _faces_sheet(problem, each, title)
     lines = [
         f"of {shortened(body.name or role, NAME)} {shortened(_ranges(unseen), LONGEST)}"
         for (role, body), unseen in zip(problem.drawn.items(), hidden, strict=True)
@@ -435,7 +392,7 @@ def faces_figure(problem: Scene, *, title: str = "", caption: str = "") -> Figur
 
 
 def _faces_sheet(
-    problem: Scene, sides: Sequence[Mapping[tuple[float, float], str]], **texts: str
+    problem: Scene, sides: Sequence[Mapping[tuple[float, float], str]], title: str
 ) -> tuple[Sheet, list[list[int]]]:
     """Return a sheet with each body from its sides, two a line, and which numbers of each have no place on it."""
     bodies, colours = [*problem.drawn.values()], {"movable": BLUE, "static": VERMILLION}
@@ -444,7 +401,7 @@ def _faces_sheet(
         shown = [(k, ShownPair((body, body), (), body.vertices, view), side) for view, side in sides[k].items()]
         rows += [shown[first : first + 2] for first in range(0, len(shown), 2)]
     heights = [float(np.clip(max(own.slenderness for _, own, _ in row) * wide, *HEIGHTS)) + HEAD for row in rows]
-    sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, **texts), [set[str]() for _ in bodies]
+    sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, title=title), [set[str]() for _ in bodies]
     low = FOOT + sum(heights)
     for row, high in zip(rows, heights, strict=True):
         low -= high

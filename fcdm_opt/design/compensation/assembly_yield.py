@@ -344,15 +344,8 @@ def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]
     (f - k)^2 + (g - h)^2 is four times all of it. (`scipy.stats.sobol_indices` knows no pairs without a motion, asks
     for a power of two of them, and its indices do not add up as these do.)
 
-    Parameters
-    ----------
-    f, g, h, k : array (n,)
-        Quadruples with nan are left out.
-
-    Returns
-    -------
-    array (2,), array (2,)
-        The first-order and the total index of x, and their standard errors; nan where the amount does not vary.
+    Amounts are (n,), quadruples with nan are left out. Returned are the first-order and the total index of x, and their
+    standard errors, (2,) each; nan where the amount does not vary.
     """
     terms = np.array([(f - g) ** 2 + (h - k) ** 2, (f - h) ** 2 + (g - k) ** 2, (f - g - h + k) ** 2])
     terms = terms[:, np.isfinite(terms).all(axis=0)]

@@ -23,17 +23,10 @@ Point = tuple[float, Array]
 
 
 class Changeover(NamedTuple):
-    """A place on the boundary of two regions.
+    """A place on the boundary of two regions: its position along the line, and the active sets of both.
 
-    Attributes
-    ----------
-    at : float
-        Position along the line.
-    sets : two ActiveSets
-    values : two arrays
-        Both sides' amount and parameters there.
-    sides : two lists
-        Points of either side, nearest last; what continues them.
+    `values` are both sides' amount and parameters there; `sides` are points of either side, nearest last, which
+    continue them.
     """
 
     at: float

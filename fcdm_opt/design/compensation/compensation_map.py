@@ -375,14 +375,10 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
         members = np.flatnonzero(table.regions == number)
         amounts = table.values[members, :, 0]
         finite = amounts[np.isfinite(amounts)]
-        regions.append(
-            MapRegion(
-                **vars(one),
-                share=float(sizes[members].sum() / sizes.sum()),
-                place=frozen(table.corners[members[np.argmax(sizes[members])]].mean(axis=0)),
-                amounts=(_least(table, members), float(finite.max())) if len(finite) else (math.nan, math.nan),
-            )
-        )
+        ends = (_least(table, members), float(finite.max())) if len(finite) else (math.nan, math.nan)
+        place = frozen(table.corners[members[np.argmax(sizes[members])]].mean(axis=0))
+        share = float(sizes[members].sum() / sizes.sum())
+        regions.append(MapRegion(**vars(one), share=share, place=place, amounts=ends))
     return tuple(regions)
 
 

@@ -214,15 +214,9 @@ class Sampler:
 
 
 def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, ...], Array]:
-    """Return which sizes a map is over, and the box of them that it covers; raises `InputError` where none is.
+    """Return which sizes a map is over, see `chosen_sizes`, and the box of them that it covers.
 
-    Parameters
-    ----------
-    scene : Problem or Assembly
-    box : ((low_1, high_1), ...) or None
-        None: what the tolerances leave open.
-    over : sequence of names or None
-        See `chosen_sizes`.
+    Without a `box`, (k, 2), it is what the tolerances leave open. Raises `InputError` for what has no map.
     """
     expected(scene, Scene, "problem")
     if any(problem.goal == "beyond" for problem in scene.relations.values()):

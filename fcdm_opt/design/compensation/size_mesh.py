@@ -29,12 +29,8 @@ Facet = tuple[int, ...]
 class MeshVertex:
     """A place with the values of every region it belongs to.
 
-    Attributes
-    ----------
-    step : (2,) array
-        What both sides' values differ by where it was found between two regions: of amount and motion.
-    jumps : bool
-        Whether the motion jumps there.
+    `step`, (2,), is what both sides' values, of amount and motion, differ by where it was found between two regions;
+    `jumps` tells whether the motion jumps there.
     """
 
     place: Array

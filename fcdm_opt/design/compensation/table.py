@@ -284,17 +284,8 @@ class Table(Plain):
 class Locator:
     """Finds simplices by equal buckets of their box: each lists the simplices that meet it, in increasing order.
 
-    Parameters
-    ----------
-    corners : array (m, k + 1, k)
-        Of simplices, none of them flat.
-
-    Attributes
-    ----------
-    rounding : float
-        Sizes nearer to each other than this are one.
-    seam : float
-        Simplices may be apart, or overlap, by this.
+    Their corners are (m, k + 1, k), and none of them is flat. Sizes nearer to each other than `rounding` are one;
+    simplices may be apart, or overlap, by the `seam`.
     """
 
     def __init__(self, corners: Array) -> None:
@@ -334,16 +325,9 @@ class Locator:
         return np.array([1.0 - sum(others), *others])
 
     def locate(self, points: Array) -> tuple[Ints, Array]:
-        """Return the first simplex that holds each point, and the point's barycentric coordinates there.
+        """Return the first simplex that holds each point, (k, n), and barycentric coordinates there, (k + 1, n).
 
-        Parameters
-        ----------
-        points : array (k, n)
-
-        Returns
-        -------
-        array of int (n,), array (k + 1, n)
-            -1 and nan for what is in no simplex.
+        -1 and nan for what is in no simplex.
         """
         (sizes, count), low, high = points.shape, self._low[:, None], self._high[:, None]
         within = (points >= low - self.rounding) & (points <= high + self.rounding)  # nan is not

@@ -198,7 +198,7 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
     @property
     def fitted(self) -> bool:
         """Whether the least gap is made largest, as goal "fit" asks for."""
-        return self.problem is not None and is_fit(self.problem) and self.window == (0.0, 0.0)
+        return getattr(self.problem, "goal", "") == FIT and self.window == (0.0, 0.0)
 
     @property
     def on_true_faces(self) -> bool:
@@ -315,7 +315,7 @@ def best_pose(
     true, most = None, effort * certify
     if by_contacts(problem):
         asked, names = all_sizes(problem, sizes, box)
-        fitted = is_fit(problem) and clearance is None
+        fitted = getattr(problem, "goal", "") == FIT and clearance is None
         ends = (WIDE * problem.size, np.inf) if fitted else (low, high)
         worst: Worst = WorstContacts.asked(problem, asked, names, *ends)
         best = _best(worst, accuracy, most, fitted=fitted, windowed=clearance is not None)
@@ -503,7 +503,12 @@ def _searched(
         return Search(worst, limits, best, slack, amounts, lambda q: found_at(worst, q), known=known)
     if effort:
         most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
-        limits = _bounded(worst, domain(worst, most, amount))
+        limits = domain(worst, most, amount)
+        for name, ends in zip(worst.problem.motion.names, limits.tolist(), strict=True):
+            if not np.isfinite(ends).all():
+                what = "nothing bounds this parameter: a proof needs limits"
+                allowed = "finite limits, a window with a finite upper end, or certify=False"
+                raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
 
     def improve(q: Array) -> Found:
         return smaller(worst, found_at(worst, q), slack) if amounts else better(worst, q)
@@ -514,11 +519,6 @@ def _searched(
     if not amounts and search.best is not best:  # the centre of a cell that may beat others by a little only
         search.best = min(search.best, improve(search.best.q), key=lambda own: own.off.value)
     return search
-
-
-def is_fit(question: Scene) -> bool:
-    """Tell whether a question asks for the least gap to be as large as can be."""
-    return getattr(question, "goal", "") == FIT
 
 
 def weighted(question: Scene) -> bool:
@@ -562,13 +562,3 @@ def motion_in_words(question: Scene, q: Array) -> str:
     assert isinstance(question, Assembly)
     each = by_part(question, q).items()
     return ", ".join(f"{part} {question.motions[part].describe(x.tolist(), unit=question.unit)}" for part, x in each)
-
-
-def _bounded(worst: Worst, limits: Array) -> Array:
-    """Return limits that are all finite; raise `InputError` for others."""
-    for name, ends in zip(worst.problem.motion.names, limits.tolist(), strict=True):
-        if not np.isfinite(ends).all():
-            what = "nothing bounds this parameter: a proof needs limits"
-            allowed = "finite limits, a window with a finite upper end, or certify=False"
-            raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
-    return limits

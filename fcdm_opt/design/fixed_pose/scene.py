@@ -53,13 +53,11 @@ class GapRows:
 
     def gaps(self, sizes: Array) -> Array:
         """Return the gaps at sizes, (n, k)."""
-        found: Array = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(sizes))[0]
-        return found
+        return np.asarray(kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(sizes))[0])
 
     def of_pairs(self, sizes: Array) -> Array:
         """Return the gap of each part pair at sizes, (p, n)."""
-        found: Array = kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes))
-        return found
+        return np.asarray(kernels.gaps_of_pairs(self.rows, self.first, self.along, np.ascontiguousarray(sizes)))
 
     def only(self, which: Ints) -> GapRows:
         """Return the rows of some part pairs."""
@@ -108,8 +106,7 @@ class SizedBodies:
 
     def pose(self, transform: Array) -> Array:
         """Return the relative pose, (12,)."""
-        pose: Array = curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed)
-        return pose
+        return np.asarray(curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed))
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""

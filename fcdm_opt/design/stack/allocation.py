@@ -48,8 +48,7 @@ class Allocation(Plain):
 
     def __str__(self) -> str:
         """Return the tolerances as a table."""
-        text: str = imported("show.stacks:allocation_text")(self)
-        return text
+        return str(imported("show.printing:printed")(imported("show.stacks:print_allocation"), self))
 
 
 def allocated(
@@ -81,10 +80,10 @@ def allocated(
         raise InputError("unusable share", key="share", found=share, allowed="between 0.5 and 1, as 0.9973")
     widest, cp = positive(widest, "widest"), positive(cp, "cp")
     limit = min(widest, touching.reach[0]) if max(len(body.parts) for body in touching.bodies) > 1 else widest
-    most = np.array([size.half * (limit if size.name in cost else 1.0) for size in sizes])
-    most = np.array(
-        [min(top, _most(cost[name])) if name in cost else top for top, name in zip(most, names, strict=True)]
-    )
+    laws = {name: _law(own) for name, own in cost.items()}
+    tables = {name: float(own[-1, 0]) for name, (law, own) in laws.items() if law == "table"}
+    tops = ((size.half * (limit if size.name in cost else 1.0), tables.get(size.name, np.inf)) for size in sizes)
+    most = np.array([min(own) for own in tops])
     for size, top in zip(sizes, most, strict=True):
         if size.name in cost and not top > 0.0:
             raise InputError("a size without width has no cost", key=f"cost.{size.name}", found=size.tolerance)
@@ -94,7 +93,7 @@ def allocated(
     pairs = [
         np.column_stack([pair.values[:, 0] + pair.values[:, 1:] @ middle, pair.values[:, 1:]]) for pair in around.pairs
     ]
-    program = _Program(names, cost, most, np.array([size.half for size in sizes]), share, cp)
+    program = _Program(names, laws, most, np.array([size.half for size in sizes]), share, cp)
     low, high = limits
     uppers = [list(pair) for pair in pairs] if np.isfinite(high) else [[]]
     best: tuple[float, Array, list[Array]] | None = None
@@ -146,15 +145,15 @@ class _Program:
     """The convex program over half tolerances, in shares of the largest ones."""
 
     def __init__(
-        self, names: Sequence[str], cost: Mapping[str, Any], most: Array, given: Array, share: float | None, cp: float
+        self, names: Sequence[str], laws: Mapping[str, Any], most: Array, given: Array, share: float | None, cp: float
     ) -> None:
-        self._names, self._cost, self._most, self._given = names, cost, most, given
+        self._names, self._laws, self._most, self._given = names, laws, most, given
         self._share, self._deviations = share, 3.0 * cp
 
     def solved(self, lowers: Sequence[Array], low: float, uppers: Any, high: float) -> tuple[float, Array] | None:
         """Return the least cost and its half tolerances; None where there are none."""
         cp = extra("cvxpy", "allocation", key="allocate")
-        free = [k for k, name in enumerate(self._names) if name in self._cost]
+        free = [k for k, name in enumerate(self._names) if name in self._laws]
         x = cp.Variable(len(free), pos=True)
         held = np.where(np.isin(np.arange(len(self._names)), free), 0.0, self._given)
 
@@ -170,7 +169,7 @@ class _Program:
             rows = self._spread(lowers, low, uppers, high)
         size = max([abs(float(row[0])) for row, _ in rows], default=1.0) or 1.0
         limits = [x <= 1.0, *(taken(row) / size <= room / size for row, room in rows)]
-        prices = [_price(cp, self._cost[self._names[k]], x[j], float(self._most[k])) for j, k in enumerate(free)]
+        prices = [_price(cp, self._laws[self._names[k]], x[j], float(self._most[k])) for j, k in enumerate(free)]
         problem = cp.Problem(cp.Minimize(sum(prices)), limits)
         try:
             problem.solve(solver=cp.CLARABEL)
@@ -223,37 +222,29 @@ class _Program:
         return share
 
 
-def _most(cost: Any) -> float:
-    """Return the largest half tolerance that a cost is told for."""
-    return float(_table(cost)[-1, 0]) if _is_table(cost) else np.inf
-
-
-def _is_table(cost: Any) -> bool:
-    return isinstance(cost, tuple | list | np.ndarray) and not _is_law(cost)
-
-
-def _is_law(cost: Any) -> bool:
-    return isinstance(cost, tuple | list) and len(cost) == 2 and isinstance(cost[0], str)
-
-
-def _table(cost: Any) -> Array:
-    """Return a table of half tolerances and costs, (n, 2), checked."""
-    table = numbers(cost, "cost")
-    if table.ndim == 2 and table.shape[1] == 2 and len(table) > 1 and np.isfinite(table).all():
-        steps, falls = np.diff(table, axis=0).T
-        if table[0, 0] >= 0.0 and (steps > 0).all() and (falls < 0).all() and (np.diff(falls / steps) >= 0).all():
-            return table
-    raise InputError("unusable table of costs", key="cost", found=cost, allowed=COSTS)
-
-
-def _price(cp: Any, cost: Any, x: Any, most: float) -> Any:
-    """Return the cost of a half tolerance x * most as an expression."""
-    law, factor = cost if _is_law(cost) else ("1/t", cost)
-    if _is_table(cost):
-        t, c = _table(cost).T
-        slopes = np.diff(c) / np.diff(t)
-        return cp.max(cp.hstack([c[k] + slope * (x * most - t[k]) for k, slope in enumerate(slopes)]))
+def _law(cost: Any) -> tuple[str, Any]:
+    """Return the law of a cost, "1/t" or "1/t^2", and its factor; or "table" and half tolerances with costs, (n, 2)."""
+    if isinstance(cost, tuple | list) and len(cost) == 2 and isinstance(cost[0], str):
+        law, factor = cost
+    elif isinstance(cost, tuple | list | np.ndarray):
+        table = numbers(cost, "cost")
+        if table.ndim == 2 and table.shape[1] == 2 and len(table) > 1 and np.isfinite(table).all():
+            steps, falls = np.diff(table, axis=0).T
+            if table[0, 0] >= 0.0 and (steps > 0).all() and (falls < 0).all() and (np.diff(falls / steps) >= 0).all():
+                return "table", table
+        raise InputError("unusable table of costs", key="cost", found=cost, allowed=COSTS)
+    else:
+        law, factor = "1/t", cost
     if law not in ("1/t", "1/t^2") or np.ndim(factor):
         raise InputError("unusable cost", key="cost", found=cost, allowed=COSTS)
-    c = positive(factor, "cost")
+    return law, positive(factor, "cost")
+
+
+def _price(cp: Any, cost: tuple[str, Any], x: Any, most: float) -> Any:
+    """Return the cost of a half tolerance x * most as an expression."""
+    law, c = cost
+    if law == "table":
+        ends, prices = c.T
+        slopes = np.diff(prices) / np.diff(ends)
+        return cp.max(cp.hstack([prices[k] + slope * (x * most - ends[k]) for k, slope in enumerate(slopes)]))
     return c / most * cp.inv_pos(x) if law == "1/t" else c / most**2 * cp.power(x, -2)

@@ -18,14 +18,9 @@ WORK, FEWEST, MOST = 2**25, 2**12, 2**17  # rows times sizes times draws, and dr
 class GapSpread(NamedTuple):
     """How the gap changes with the sizes over all pairs of parts.
 
-    Attributes
-    ----------
-    slopes : array (k,)
-        Mean change of the gap a unit of each size.
-    variances : array (k,)
-        Shapley effects: what each size contributes to the variance of the gap; they add up to it.
-    elsewhere : float
-        Share of the pairs of parts whose gap is not that of the row asked about.
+    `slopes`, (k,), are its mean change a unit of each size, `variances`, (k,), Shapley effects: what each size
+    contributes to the variance of the gap; they add up to it. `elsewhere` is the share of the pairs of parts whose gap
+    is not that of the row asked about.
     """
 
     slopes: Array
@@ -36,14 +31,7 @@ class GapSpread(NamedTuple):
 def gap_spread(touching: TouchingSizes, row: Array) -> GapSpread:
     """Return how the gap is spread over the pairs of parts as independent sizes are distributed.
 
-    Parameters
-    ----------
-    touching : TouchingSizes
-    row : array (1 + k,)
-        The row that `elsewhere` is about.
-
-    Notes
-    -----
+    `GapSpread.elsewhere` is about the given row, (1 + k,).
     Of two pairs of parts x and y the sizes of x become those of y one after another, in random order, and the gap
     changes by as much as each size then does. Half the mean of these changes times g(x) - g(y) are the Shapley effects
     (A. B. Owen, Sobol' indices and Shapley value, SIAM/ASA Journal on Uncertainty Quantification 2 (2014); averaged

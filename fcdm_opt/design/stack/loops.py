@@ -30,17 +30,9 @@ from fcdm_opt.tolerances import DEFAULT
 class Loop:
     """The rows of a gap in all sizes, and what is told of the pair that it is of and of contacts that stay closed.
 
-    Attributes
-    ----------
-    touching : TouchingSizes
-    pair : GapClaims
-        Without what is told of the gap.
-    exact : bool
-        Whether all rows are of true faces, whatever facets stand for them.
-    closed : tuple of GapClaims
-    weighted : tuple of str
-        Motions, by name, that contacts which stay closed leave free together, and that the gap depends on: the least
-        ones are taken, by their weights.
+    `pair` is without what is told of the gap; `exact` tells whether all rows are of true faces, whatever facets stand
+    for them. `weighted` are the motions, by name, that contacts which stay closed leave free together, and that the gap
+    depends on: the least ones are taken, by their weights.
     """
 
     touching: TouchingSizes
@@ -69,17 +61,9 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        With sizes, each with a tolerance. Its parts count as drawn.
-    of : (name, name), optional
-        Which two parts the gap is of; by default those of the only contact that sizes open.
-
-    Raises
-    ------
-    InputError
-        Where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
+    The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
+    names, by default those of the only contact that sizes open. Raises `InputError` where motions turn, where contacts
+    cannot all be closed within the tolerances, and for parts that are none.
     """
     check_sizes(assembly.sizes)
     if not assembly.shifts:

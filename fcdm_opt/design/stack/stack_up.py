@@ -163,8 +163,7 @@ class StackUp:
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
-        told: str = imported("show.stacks:stack_text")(self)
-        return told
+        return str(imported("show.printing:printed")(imported("show.stacks:print_stack"), self))
 
     def __repr__(self) -> str:
         """Return sizes and the range of the gap, on one line."""

@@ -188,14 +188,8 @@ StudyFile = create_model(
 def json_schema(kind: str = "problem") -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a kind of file; editors complete and check files by it.
 
-    Parameters
-    ----------
-    kind : "problem", "study" or "assembly", or "result": what `fcdm-opt solve --json` writes
-
-    Raises
-    ------
-    InputError
-        For another kind.
+    Of a "problem", "study" or "assembly", or a "result": what `fcdm-opt solve --json` writes. Raises `InputError` for
+    another kind.
     """
     if kind not in KINDS:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
@@ -211,13 +205,8 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
 def result_schema(command: str, answers: Mapping[str, Sequence[Any]], about: str = "case") -> dict[str, Any]:
     """Return the schema of a document of a command: files, their cases, and for each what its answers tell.
 
-    Parameters
-    ----------
-    command : str
-    answers : mapping of str to classes
-        Of which class what stands under a key of a case is; under "" what the case itself is.
-    about : "case", "file" or "document"
-        Whose keys these are.
+    `answers` has of which class what stands under a key of a case is; under "" what the case itself is. `about` tells
+    whether these keys are of each "case", of each "file" or of the "document".
     """
     known: dict[str, Any] = {}
     under = {key: {"anyOf": [schema_of(kind, known) for kind in kinds]} for key, kinds in answers.items()}

@@ -244,17 +244,14 @@ class Study:
     @cached_property
     def key(self) -> str:
         """The sha256 of all that points and answers follow from: all but title, note and budget, and what is read."""
-        return digest(
-            canonical(
-                {
-                    "version": __version__,
-                    "cases": [[question.drawn().scene.key, question.case] for question in self.questions],
-                    "vary": [variable.to_dict() for variable in self.variables],
-                    "files": self._files,
-                    **{key: getattr(self, key) for key in (*_TOLD, "parameters", "derive")},
-                }
-            )
-        )
+        followed = {
+            "version": __version__,
+            "cases": [[question.drawn().scene.key, question.case] for question in self.questions],
+            "vary": [variable.to_dict() for variable in self.variables],
+            "files": self._files,
+            **{key: getattr(self, key) for key in (*_TOLD, "parameters", "derive")},
+        }
+        return digest(canonical(followed))
 
     @property
     def _files(self) -> dict[str, str]:

@@ -26,20 +26,9 @@ _ONE_KEY = "one key; keys that follow from one number: a parameter and [derive]"
 class Variable:
     """Keys of a problem that vary together, and what they take.
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Places, see `fcdm_opt.design.places`.
-    values : tuple or Distribution
-        Listed values, one a point, lists of one a key where there are several; or what is drawn from.
-    label : str
-        Its column in the results; default the keys.
-    names : tuple of str
-        What stands for each listed value in the results; default the value itself.
-    where : str
-        How errors name it.
-    listed : str
-        How errors name its values.
+    `keys` are places, see `fcdm_opt.design.places`; `values` are listed, one a point, lists of one a key where there
+    are several, or what is drawn from. `label` is the column in the results, by default the keys; `names` stand for
+    listed values in the results, by default these themselves. `where` is how errors name it, and `listed` its values.
     """
 
     keys: tuple[str, ...]
@@ -176,10 +165,7 @@ def shares(sampling: str, count: int, dimensions: int, *, seed: int) -> Array:
 def grid(start: float, stop: float, count: int, spacing: str = "linear") -> tuple[float, ...]:
     """Return evenly spaced numbers, with both ends exactly as given; for "log" of equal ratios.
 
-    Raises
-    ------
-    InputError
-        Names the key of a grid: from, to, count.
+    Raises `InputError` that names the key of a grid: from, to, count.
     """
     for key, end in (("from", start), ("to", stop)):
         real(end, key, "a finite number")

@@ -237,15 +237,12 @@ class Budgets(Mapping[str, Budget]):
     each: Mapping[str, Budget]
 
     def __getitem__(self, letter: str) -> Budget:
-        """Return the budget of a requirement."""
         return self.each[letter]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the letters."""
         return iter(self.each)
 
     def __len__(self) -> int:
-        """Return how many requirements were looked at."""
         return len(self.each)
 
     @property
@@ -331,7 +328,9 @@ def budget(
         shape, most, known = _deviations(problem, scale), LARGEST, OF_SCALES
         usual = OF_SCALES[:1] if problem.deviates else OF_SCALES[1:]
     elif isinstance(problem, Problem):
-        shape, most, usual = _shape(problem) if scale else np.ones((2, 2)), LARGEST, known
+        shape, most, usual = np.ones((2, 2)), LARGEST, known
+        if scale and problem.tolerance is not None and problem.tolerance.any():
+            shape = problem.tolerance / float(problem.tolerance.max())
     given: Any = usual if requirements is None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
@@ -341,10 +340,9 @@ def budget(
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)
     if largest is None:
         largest = most
-    elif own:
-        largest = arguments.real(largest, "largest", "a tolerance > 0", lambda x: x > 0)
     else:
-        largest = arguments.real(largest, "largest", "a tolerance > 0 and < 1", lambda x: 0 < x < 1)
+        allowed = "a tolerance > 0" if own else "a tolerance > 0 and < 1"
+        largest = arguments.real(largest, "largest", allowed, lambda x: x > 0 and (own or x < 1))
     shape = frozen(shape)
     each = dict[str, Budget]()
     for k, letter in enumerate(letters):
@@ -352,13 +350,6 @@ def budget(
         with pacing.sharing(1.0 / (len(letters) - k)):
             each[letter] = _Tolerances(problem, letter, own_shape, limit, largest, accuracy).budget()
     return Budgets(problem=problem, limit=limit, shape=shape, largest=largest, each=each)
-
-
-def _shape(problem: Problem) -> Array:
-    table = problem.tolerance
-    if table is None or not table.any():
-        return np.ones((2, 2))
-    return table / float(table.max())
 
 
 def _deviations(assembly: Assembly, scale: bool) -> Array:
@@ -495,11 +486,6 @@ class _Tolerances:
         """How many cells of equal width are looked at: fewer where parts are made anew, or exact, each time."""
         return CELLS // DEARER if self.is_dear else CELLS
 
-    @property
-    def stride(self) -> int:
-        """How often a tolerance doubles from one that is looked at to the next, below the first cell."""
-        return 2 if self.is_dear else 1
-
     @cached_property
     def is_dear(self) -> bool:
         """Whether sizes are asked about, for which parts are made anew, or parts that are made exact on round faces."""
@@ -620,7 +606,8 @@ class _Tolerances:
     def _scanned(self) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance of all that are looked at, from the smallest."""
         cell, smallest = self.largest / self.cells, self.smallest
-        halvings = range(int(np.log2(cell / smallest)), 0, -self.stride) if cell > smallest else ()
+        doublings = 2 if self.is_dear else 1  # from one tolerance that is looked at to the next, below the first cell
+        halvings = range(int(np.log2(cell / smallest)), 0, -doublings) if cell > smallest else ()
         taus = [*(cell / 2**k for k in halvings), *(cell * np.arange(1, self.cells)).tolist(), self.largest]
         low = self.at(smallest)
         if not low.good:

@@ -46,9 +46,7 @@ def families() -> dict[str, Motion]:
 def contained() -> dict[str, tuple[str, ...]]:
     """Return for each usual family those that are part of it, with the same amounts: it is never dearer."""
     single = tuple(f"translation {axis}" for axis in "xyz")
-    pairs = {
-        f"translation and rotation {axis}": (f"translation {axis}", f"rotation {axis}") for axis in "xyz"
-    }  # fmt: skip
+    pairs = {f"translation and rotation {axis}": (f"translation {axis}", f"rotation {axis}") for axis in "xyz"}
     made = {"translations": (*single, "along the seeds"), "screw along the seeds": ("along the seeds",), **pairs}
     return {**made, "free": tuple(name for name in families() if name != "free")}
 

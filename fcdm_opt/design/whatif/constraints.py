@@ -206,11 +206,8 @@ def _divided(steps: Any, by: float) -> Any:
 def constraints(scene: Scene) -> tuple[Constraint, ...]:
     """Return all constraints of a problem or an assembly; what is implied by the goal is none.
 
-    Returns
-    -------
-    tuple of Constraint
-        Limits by parameter, keep-outs, contacts that are restored together, pair state, clearance, coherence, whole
-        steps; a weaker one stands before the one that includes it.
+    Limits by parameter, keep-outs, contacts that are restored together, pair state, clearance, coherence, whole steps;
+    a weaker one stands before the one that includes it.
     """
     listed: list[Constraint] = []
     for own in scene.coordinates:
@@ -273,18 +270,9 @@ def scene_of(asked: Scene | Bounded) -> Any:
 
 
 def without(scene: Any, names: Iterable[str]) -> Any:
-    """Return a question without some of its constraints, and without those that include them.
+    """Return a question without some of its constraints, as `constraints` names them, and those that include them.
 
-    Parameters
-    ----------
-    scene : Problem or Assembly
-    names : iterable of str
-        As `constraints` names them.
-
-    Raises
-    ------
-    InputError
-        For a name that no constraint of the question has.
+    Raises `InputError` for a name that no constraint of the question has.
     """
     known = {one.name: one for one in constraints(scene)}
     for name in dict.fromkeys(names):
@@ -298,17 +286,8 @@ def without(scene: Any, names: Iterable[str]) -> Any:
 def excesses(scene: Scene, solution: Bounded) -> dict[str, float]:
     """Return by how much a motion passes each constraint of a question, as judged.
 
-    Parameters
-    ----------
-    scene : Problem or Assembly
-    solution : Solution or AssemblySolution
-        Of the question without some of its constraints, with a motion.
-
-    Returns
-    -------
-    dict
-        Name -> amount in the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is
-        not and there is no amount.
+    The motion is that of a solution of the question without some of its constraints. Told is by each name an amount in
+    the constraint's unit, 0 where it is kept to within the judge's slack; infinite where it is not and there is none.
     """
     certificate = verify(solution.answering(scene))
     passed = {one.name: (one.excess(solution, certificate), one.slack) for one in constraints(scene)}

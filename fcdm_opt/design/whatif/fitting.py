@@ -13,7 +13,6 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
@@ -45,23 +44,10 @@ def largest_share(holds: Callable[[float], bool], low: float, high: float, *, ac
 def fits_up_to(problem: Problem) -> float | None:
     """Return the largest tolerance at which a problem without a usable solution has one, by bisection.
 
-    One crossing is taken for granted, see `budget` for a proof.
-
-    Parameters
-    ----------
-    problem : Problem
-        One whose solution is not usable. Its motion, goal, limits and keep-outs stay.
-
-    Returns
-    -------
-    float or None
-        The largest of the problem's tolerances at that size, the others in proportion; 0 where none will do. None where
-        the problem asks for a target and not for tolerances.
-
-    Raises
-    ------
-    TimeOverError
-        Where the enclosing time limit is met before.
+    One crossing is taken for granted, see `budget` for a proof. The problem's motion, goal, limits and keep-outs stay.
+    Told is the largest of its tolerances at that size, the others in proportion; 0 where none will do, None where the
+    problem asks for a target and not for tolerances. Raises `TimeOverError` where the enclosing time limit is met
+    before.
     """
     if problem.tolerance is None or problem.requirement is None:
         return None
@@ -99,18 +85,12 @@ class Order(Enum):
 def order(problem: Scene, made: str = "") -> tuple[Order, str]:
     """Return how the tolerances lie that a problem's requirement can be made good for, and why that is so.
 
-    Of an assembly nothing is known.
+    The problem has a requirement, at any tolerance of the shape asked about; `made` is the corner of its sizes that is
+    asked about, where it names deviations, by default what it says is made. Of an assembly nothing is known.
 
     Sets of scaled bodies that are star-shaped about their seeds are nested, so are the motions that keep them clear.
     For "touch", the gap of the pair with less deviation has one sign at rest and the other where the pair with more
     touches, so it is zero on the straight way there, at a smaller amount.
-
-    Parameters
-    ----------
-    problem : Problem or Assembly
-        With a requirement, at any tolerance of the shape asked about.
-    made : str
-        The corner of its sizes that is asked about, where it names deviations; default what it says is made.
     """
     if not isinstance(problem, Problem):
         return Order.ANY, UNKNOWN
@@ -136,7 +116,8 @@ def order(problem: Scene, made: str = "") -> tuple[Order, str]:
     rest = bool(((problem.limits[:, 0] <= 0) & (problem.limits[:, 1] >= 0)).all())
     if problem.goal == "at" and alone and weighted and rest and _is_linear(problem):
         return Order.FROM_ZERO, "a linear program in translations and tolerance: its least amount is convex"
-    if problem.goal not in ("clear", "touch") or not (_is_star(problem.movable) and _is_star(problem.static)):
+    parts = *problem.movable.parts, *problem.static.parts  # that all hold the seed: smaller bodies lie within larger
+    if problem.goal not in ("clear", "touch") or not all(map(holds_seed, parts)):
         return Order.ANY, UNKNOWN
     if problem.goal == "clear" and problem.pair != "touch" and grows:
         return Order.FROM_ZERO, "star-shaped bodies only grow: a motion that clears them clears smaller ones"
@@ -159,11 +140,6 @@ def _has_most_material(problem: Problem) -> bool:
         if not size.is_length or (problem.made[size.name] * out < np.outer([0.0, *ends], out).max(axis=0)).any():
             return False
     return True
-
-
-def _is_star(body: Body) -> bool:
-    """Tell whether every part holds the seed, so that smaller scales of the body lie within larger ones."""
-    return all(map(holds_seed, body.parts))
 
 
 def _is_linear(problem: Problem) -> bool:

@@ -51,15 +51,9 @@ Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason
 
 
 def prediction(before: Any, problem: Any) -> Prediction:
-    """Return the amount of a changed question to first order.
+    """Return the amount of a changed question, `problem`, to first order.
 
     Right to second order in the changes while the same constraints hold the motion.
-
-    Parameters
-    ----------
-    before : Solution or AssemblySolution
-    problem : Problem or Assembly
-        The changed question.
     """
     several = isinstance(before, AssemblySolution)
     discrete = [] if several else [*_discrete(before.problem.restoring or before.problem, problem)]

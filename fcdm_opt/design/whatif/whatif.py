@@ -130,7 +130,12 @@ def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: A
             what = f"{kind} has no such argument{closest(name, asked.request)}"
             raise InputError(what, key=name, allowed=", ".join(asked.request))
     if other is None:
-        other = asked.changed(**{**_dropped(changes), **changes})
+        dropped: dict[str, Any] = {  # what the change leaves without meaning
+            key: None for name, value in changes.items() if value is not None for key in excluded(name)
+        }
+        if "motion" in changes:
+            dropped |= {"published": None, "published_text": ""}
+        other = asked.changed(**{**dropped, **changes})
     elif changes or type(other) is not type(asked):
         found, allowed = ", ".join(changes) or type(other).__name__, f"a {type(asked).__name__}, or changes"
         raise InputError("not one way to say what changes", key="other", found=found, allowed=allowed)
@@ -145,16 +150,6 @@ def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: A
     spans = zip(("before", "after", "prediction"), pairwise(times), strict=True)
     seconds = {name: end - start for name, (start, end) in spans}
     return WhatIf(changed=names, before=before, after=after, prediction=predicted, seconds=seconds)
-
-
-def _dropped(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that a change leaves without meaning."""
-    dropped: dict[str, Any] = {
-        other: None for name, value in changes.items() if value is not None for other in excluded(name)
-    }
-    if "motion" in changes:
-        dropped |= {"published": None, "published_text": ""}
-    return dropped
 
 
 def _differences(before: Any, after: Any) -> Iterator[Difference]:

@@ -40,16 +40,8 @@ Rows = dict[tuple[float, ...], int]
 class Frames:
     """Makes the frames of one case.
 
-    Parameters
-    ----------
-    problem : Problem
-    window : (2, 2) array
-        Scales that are shown enlarged, which may reach beyond the problem's box.
-
-    Attributes
-    ----------
-    box : pair of intervals
-        Scales over which curves are listed: those of the problem's box and of the window.
+    `window`, (2, 2), are the scales that are shown enlarged, which may reach beyond the problem's box; curves are
+    listed over `box`, the scales of both.
     """
 
     def __init__(self, problem: Problem, window: ArrayLike) -> None:
@@ -101,25 +93,11 @@ class Frames:
         note: str = "",
         **told: Any,
     ) -> dict[str, Any]:
-        """Return a frame.
+        """Return a frame of bodies shown at some scales, (2,), with a pose change of body 1, (4, 4), None at rest.
 
-        Parameters
-        ----------
-        sizes : (2,) array
-            Scales at which the bodies are shown.
-        transform : (4, 4) array or None
-            Pose change of body 1, None at rest.
-        rho : (2,) array or None
-            The tracked contact's scales.
-        amount : float
-        gap : float, optional
-            Signed gap of the bodies shown; by default the decision curve's.
-        target : (2,) array, optional
-            The scales made; default `sizes`.
-        note : str
-            What else is to be said of it.
-        **told
-            The "motion" in words; its "parameters", with units; of a solution "status" and whether it is "usable".
+        `rho`, (2,), are the tracked contact's scales, `target`, (2,), the scales made, by default `sizes`; `gap` is the
+        signed gap of the bodies shown, by default the decision curve's; `note` what else is to be said of it. Told are
+        the "motion" in words, its "parameters", with units, and of a solution "status" and whether it is "usable".
         """
         curve = self._curve(transform)
         if gap is None or not math.isfinite(gap):

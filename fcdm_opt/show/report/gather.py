@@ -50,21 +50,12 @@ def gather(
 ) -> dict[str, Any]:
     """Solve all cases of problem files and return what a report shows of them.
 
-    Parameters
-    ----------
-    files : iterable
-        Problem files as read: their `path`, `title`, `note` and `problems`, and an `error` or None.
-    certify : bool
-        Prove how small a motion can be at all, and have the proof checked; of large meshes the solver's bound stands.
-    say : callable, optional
-        Gets a line for each case, and what is wrong with one.
-    frames : float, optional
-        Share of the frames of a family that each slider gets, at least three; default `frames_of` the problem.
+    `files` are problem files as read: their `path`, `title`, `note` and `problems`, and an `error` or None. With
+    `certify` it is proved how small a motion can be at all, and the proof checked; of large meshes the solver's bound
+    stands. `say` gets a line for each case, and what is wrong with one; `frames` is the share of the frames of a family
+    that each slider gets, at least three; default `frames_of` the problem.
 
-    Returns
-    -------
-    dict
-        Lists, dicts, texts and finite numbers. The same files give the same data but for date and times.
+    Returns lists, dicts, texts and finite numbers: the same files give the same data but for date and times.
     """
     files = list(files)
     asked = [problem for file in files for problem in file.problems]
@@ -114,8 +105,10 @@ def gather(
         listed.append({**head(file), "cases": list(range(first, len(cases)))})
         if errors:
             listed[-1] |= {"error": "; ".join(errors), "late": late}
+    one = listed[0] if len(listed) == 1 else {"title": f"Tolerance problems: {len(listed)} files", "note": ""}
     return {
-        **_title(listed),
+        "title": one["title"] or one["file"],
+        "note": one["note"],
         "made": made(),
         "tolerances": [[name, getattr(DEFAULT, name), meaning] for name, meaning in meanings().items()],
         "files": listed,
@@ -175,13 +168,6 @@ def _missing(leading: Problem, letter: str) -> dict[str, Any]:
 
 def _cell(case: int | None, told: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
     return {"case": case, **{key: told[key] for key in ANSWERED}, "published": published or None, "note": note}
-
-
-def _title(files: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Return title and note of the report: those of its file, if it is one."""
-    if len(files) == 1:
-        return {"title": files[0]["title"] or files[0]["file"], "note": files[0]["note"]}
-    return {"title": f"Tolerance problems: {len(files)} files", "note": ""}
 
 
 def _digest(path: Path) -> str | None:

@@ -61,17 +61,9 @@ ALWAYS = ("lower_bound", "pair_gap", "pair_state", "features", "active", "stage"
 
 
 def page(payload: Data) -> str:
-    """Return the report of a payload (`fcdm_opt.show.report.gather`) as one self-contained HTML text.
+    """Return the report of a payload, plain data as `gather` returns it, as one self-contained HTML text, in UTF-8.
 
-    Parameters
-    ----------
-    payload : mapping
-        What `gather` returns: plain data without NaN.
-
-    Returns
-    -------
-    str
-        HTML5, UTF-8. Text from the payload is escaped wherever it stands.
+    Text from the payload is escaped wherever it stands.
     """
     cases, files = payload["cases"], payload["files"]
     tabled = {cell["case"] for table in payload["matrices"] for cell in table["cells"].values()}
@@ -108,11 +100,7 @@ def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
     """Return the report on assemblies as one self-contained HTML text.
 
-    Parameters
-    ----------
-    files : sequence of mappings
-        Of each file "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
-    solutions : sequence of AssemblySolution
+    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
     """
     titles = [file["title"] or file["file"] for file in files]
     cases, figures, stacks = [], [], list[dict[str, Any]]()
@@ -180,17 +168,9 @@ def _touching(solution: Solution) -> str:
 
 
 def study_page(result: StudyResult) -> str:
-    """Return the report on a study as one self-contained HTML text.
+    """Return the report on a study, complete or not, as one self-contained HTML text, in UTF-8.
 
-    Parameters
-    ----------
-    result : StudyResult
-        May be one of a run that is not complete.
-
-    Returns
-    -------
-    str
-        HTML5, UTF-8. The chart holds 10,000 points at most, evenly chosen, the table 500; both say so.
+    The chart holds 10,000 points at most, evenly chosen, the table 500; both say so.
     """
     rows = result.rows()
     count = len(rows)
