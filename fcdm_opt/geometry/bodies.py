@@ -84,27 +84,14 @@ def cached_per_body(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart(_Sealed):
-    """One convex part of a body: the hull of `vertices`, with its faces, edges and half-edges.
+    """One convex part of a body: the hull of `vertices`, with its faces, edges and half-edges."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-        Extreme points, in the body's frame (as drawn), in the order of the input.
-    seed : (3,) array
-        Seed of the body.
-    loops : tuple of tuples of int
-        Vertex indices of each face, counter-clockwise seen from outside.
-    edges : (m, 4) int array
-        `origin, end, left face, right face`: the left face's loop runs from origin to end.
-    elements : mapping
-        "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to, read-only. An edge or vertex
-        that a cut between parts makes on a true face carries that face.
-    """
-
-    vertices: Array
-    seed: Array
-    loops: tuple[tuple[int, ...], ...]
-    edges: Ints
+    vertices: Array  # extreme points, in the body's frame (as drawn), in the order of the input, (n, 3)
+    seed: Array  # seed of the body, (3,)
+    loops: tuple[tuple[int, ...], ...]  # vertex indices of each face, counter-clockwise seen from outside
+    edges: Ints  # `origin, end, left face, right face`: the left face's loop runs from origin to end, (m, 4)
+    # "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to, read-only. An edge or vertex that
+    # a cut between parts makes on a true face carries that face
     elements: Elements = field(repr=False)
 
     @cached_property
@@ -202,37 +189,19 @@ class ConvexPart(_Sealed):
 
 
 class PointPiece(NamedTuple):
-    """A small convex piece of the true solid at a point of its round faces: there the body is exact.
+    """A small convex piece of the true solid at a point of its round faces: there the body is exact."""
 
-    Attributes
-    ----------
-    first, last : int
-        Labels of its vertices: of the point, and of the one that is inside.
-    rows : tuple of int
-        The faces of the body of facets that meet at the point, a round one first.
-    normals : (k, 3) array
-        Outward normals of the true faces there.
-    """
-
-    first: int
+    first: int  # labels of its vertices: of the point, and of the one that is inside
     last: int
-    rows: tuple[int, ...]
-    normals: Array
+    rows: tuple[int, ...]  # the faces of the body of facets that meet at the point, a round one first
+    normals: Array  # outward normals of the true faces there, (k, 3)
 
 
 class ExactPoints(NamedTuple):
-    """How a body was made that is exact at points of round faces and elsewhere within the true one.
+    """How a body was made that is exact at points of round faces and elsewhere within the true one."""
 
-    Attributes
-    ----------
-    facets : Body
-        The body of facets that it stands for.
-    pieces : tuple of PointPiece
-        Of the last parts of the body, one each.
-    """
-
-    facets: Body
-    pieces: tuple[PointPiece, ...]
+    facets: Body  # the body of facets that it stands for
+    pieces: tuple[PointPiece, ...]  # of the last parts of the body, one each
 
 
 @known_arguments

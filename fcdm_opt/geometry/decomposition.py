@@ -41,34 +41,17 @@ LARGER = 2  # times as many parts as the partition that a cover may have
 
 @dataclass(frozen=True, eq=False)
 class Decomposition:
-    """Convex parts whose union is a solid.
-
-    Attributes
-    ----------
-    method : "convex", "exact", "surface" or "coacd"
-    why : str
-        What was chosen, and why.
-    points : (m, 3) array
-        The mesh's vertices first, then those that cuts made.
-    parts : tuple of int arrays
-        Rows of `points` whose hulls the parts are.
-    surface : Surface or None
-        The solid's true faces and edges; None where they are those of the parts.
-    cover : bool
-        Whether the parts may overlap and all hold the seed; else they are a partition.
-    deviation : (float, float)
-        Lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact.
-    made : Pyramids or None
-        Of method "surface": the parts, which are all of the surface but not all of the solid.
-    """
+    """Convex parts whose union is a solid."""
 
     method: Literal["convex", "exact", "surface", "coacd"]
-    why: str
-    points: Array
-    parts: tuple[Ints, ...]
-    surface: Surface | None = None
-    cover: bool = False
+    why: str  # what was chosen, and why
+    points: Array  # the mesh's vertices first, then those that cuts made, (m, 3)
+    parts: tuple[Ints, ...]  # rows of `points` whose hulls the parts are
+    surface: Surface | None = None  # the solid's true faces and edges; None where they are those of the parts
+    cover: bool = False  # whether the parts may overlap and all hold the seed; else they are a partition
+    # lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact
     deviation: tuple[float, float] = (0.0, 0.0)
+    # of method "surface": the parts, which are all of the surface but not all of the solid
     made: Pyramids | None = None
 
 

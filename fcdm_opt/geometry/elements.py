@@ -75,19 +75,11 @@ class _Named(Sequence[Element]):
 
 
 class Span(NamedTuple):
-    """The body's own elements that one edge or face of a part lies on, which of them depends on the place.
+    """The body's own elements that one edge or face of a part lies on, which of them depends on the place."""
 
-    Attributes
-    ----------
-    corners : (n, 3) array
-        Of the part's edge or face, in the order of its ends or loop, as drawn.
-    elements : tuple of Element
-    regions : tuple of (k, c, 3) arrays
-        For each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn.
-    """
-
-    corners: Array
+    corners: Array  # of the part's edge or face, in the order of its ends or loop, as drawn, (n, 3)
     elements: tuple[Element, ...]
+    # for each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn, each (k, c, 3)
     regions: tuple[Array, ...]
 
     def at(self, corners: Array, points: Array) -> list[Element]:

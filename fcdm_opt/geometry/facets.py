@@ -45,22 +45,13 @@ facets_of = cached_per_body(Facets)
 
 
 class NearFacets(NamedTuple):
-    """Pairs of facets that may be within a distance of each other.
+    """Pairs of facets that may be within a distance of each other."""
 
-    Attributes
-    ----------
-    parts : (k, 2) int array
-        The part of either body that they are of.
-    heights : (k, 2) array
-        How far the second is before the plane of the first, and the first before that of the second, at least;
-        negative where it reaches through the plane.
-    corners : (k, 2, 3, 3) array
-        Of both triangles.
-    """
-
-    parts: Ints
+    parts: Ints  # the part of either body that they are of, (k, 2)
+    # (k, 2): how far the second is before the plane of the first, and the first before that of the second, at least;
+    # negative where it reaches through the plane
     heights: Array
-    corners: Array
+    corners: Array  # of both triangles, (k, 2, 3, 3)
 
     def some(self, rows: Flags) -> NearFacets:
         """Return some of the pairs."""

@@ -43,24 +43,13 @@ ROUNDED = 3.0**0.5 / 2.0  # of a last digit: how far rounding moves a point of t
 
 
 class Drawn(NamedTuple):
-    """What is read from a file.
+    """What is read from a file."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-    faces : list of tuples of int
-    off : (float, float)
-        How far these lie outside and within the solid, lengths.
-    surfaces : Surfaces or None
-        Those of a STEP file.
-    solids : list of (str, int)
-        Name of each of the file's objects, and how many of the faces it has; none where it tells of no objects.
-    """
-
-    vertices: Array
+    vertices: Array  # (n, 3)
     faces: list[Polygon]
-    off: tuple[float, float] = (0.0, 0.0)
-    surfaces: Surfaces | None = None
+    off: tuple[float, float] = (0.0, 0.0)  # how far these lie outside and within the solid, lengths
+    surfaces: Surfaces | None = None  # those of a STEP file
+    # name of each of the file's objects, and how many of the faces it has; none where it tells of no objects
     solids: Sequence[tuple[str, int]] = ()
 
     def by_name(self) -> dict[str, Ints]:

@@ -55,24 +55,14 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
 
 @dataclass(frozen=True, eq=False)
 class Incidences:
-    """Which points lie on which planes.
+    """Which points lie on which planes."""
 
-    Attributes
-    ----------
-    corner, plane : (k,) int arrays
-        The number of a point, and of a plane that it lies on, ascending.
-    fixing : (k,) bool array
-        Whether the point is one of those that the plane is fitted to.
-    held : (n,) bool array, optional
-        Points that stay where they are, and with them the planes that are fitted to these alone.
-    ways : mapping of plane to (3, 1 or 2) array
-        Orthonormal directions that span the normals which a plane may have; all others may have any.
-    """
-
-    corner: Ints
+    corner: Ints  # the number of a point, and of a plane that it lies on, ascending, (k,)
     plane: Ints
-    fixing: Flags
+    fixing: Flags  # whether the point is one of those that the plane is fitted to, (k,)
+    # points that stay where they are, and with them the planes that are fitted to these alone, (n,)
     held: Flags | None = None
+    # (3, 1 or 2): orthonormal directions that span the normals which a plane may have; all others may have any
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     @classmethod

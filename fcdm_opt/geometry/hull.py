@@ -18,21 +18,12 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class Hull(NamedTuple):
-    """Combinatorics of a convex part.
+    """Combinatorics of a convex part."""
 
-    Attributes
-    ----------
-    used : (n,) int array
-        Rows of the body's vertices that are extreme, in the order given; indices below count these.
-    loops : tuple of tuples of int
-        Vertices of each face, counter-clockwise seen from outside, the first given first.
-    edges : (m, 4) int array
-        `origin, end, left face, right face` of each edge.
-    """
-
-    used: Ints
+    used: Ints  # (n,): rows of the body's vertices that are extreme, in the order given; indices below count these
+    # vertices of each face, counter-clockwise seen from outside, the first given first
     loops: tuple[tuple[int, ...], ...]
-    edges: Ints
+    edges: Ints  # `origin, end, left face, right face` of each edge, (m, 4)
 
 
 def convex_hull(points: Array, rows: Ints, key: str) -> Hull:

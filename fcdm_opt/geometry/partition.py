@@ -24,22 +24,13 @@ Edge = tuple[int, int]
 
 
 class Rule(NamedTuple):
-    """How a cutting plane is chosen: what counts for it or against it, in reflex edges that it settles.
+    """How a cutting plane is chosen: what counts for it or against it, in reflex edges that it settles."""
 
-    Attributes
-    ----------
-    edge, facet : float
-        Against it: a reflex edge or a facet that it cuts.
-    diagonal : float or None
-        For it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried.
-    last : bool
-        Of equally good planes the last one is taken.
-    """
-
-    edge: float
+    edge: float  # against it: a reflex edge or a facet that it cuts
     facet: float
+    # for it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried
     diagonal: float | None = None
-    last: bool = False
+    last: bool = False  # of equally good planes the last one is taken
 
 
 RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0.1, last=True))

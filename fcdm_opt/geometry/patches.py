@@ -38,17 +38,10 @@ RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that
 
 
 class Patch(NamedTuple):
-    """A face of the true solid.
+    """A face of the true solid."""
 
-    Attributes
-    ----------
-    surface : Swept
-        In the body's frame as drawn.
-    side : float, or (n,) array of several
-        1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore.
-    """
-
-    surface: Swept
+    surface: Swept  # in the body's frame as drawn
+    # 1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore
     side: Number
 
     @classmethod
@@ -299,21 +292,11 @@ def patches_of_element(body: Body, element: Element) -> frozenset[int]:
 
 
 class NearestPoints(NamedTuple):
-    """Where two bodies come nearest, or overlap most, on their true faces.
+    """Where two bodies come nearest, or overlap most, on their true faces."""
 
-    Attributes
-    ----------
-    gap : float
-        Negative where they overlap there.
-    points : (2, 3) array
-        The point of either body, as drawn.
-    normal : (3,) array
-        Unit normal of one of the faces there, from body 1 to body 2.
-    """
-
-    gap: float
-    points: Array
-    normal: Array
+    gap: float  # negative where they overlap there
+    points: Array  # the point of either body, as drawn, (2, 3)
+    normal: Array  # unit normal of one of the faces there, from body 1 to body 2, (3,)
 
 
 class _Placed:

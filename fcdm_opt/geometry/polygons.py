@@ -257,22 +257,12 @@ def _covered(triangle: Array, points: Array, slack: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """Directed sides of polygons, three after another of triangles.
+    """Directed sides of polygons, three after another of triangles."""
 
-    Attributes
-    ----------
-    origin, end : (s,) int arrays
-        Rows of the points.
-    face : (s,) int array
-        The polygon that each is of.
-    edge : (s,) int array
-        The number of the edge that each runs along, one way or the other.
-    """
-
-    origin: Ints
+    origin: Ints  # rows of the points, (s,)
     end: Ints
-    face: Ints
-    edge: Ints
+    face: Ints  # the polygon that each is of, (s,)
+    edge: Ints  # the number of the edge that each runs along, one way or the other, (s,)
 
     @classmethod
     def of(cls, polygons: Sequence[Polygon]) -> Sides:

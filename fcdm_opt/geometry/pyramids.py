@@ -28,24 +28,13 @@ SHALLOWEST = 2.0**-40  # of the size: below this none is believed
 
 
 class Pyramids(NamedTuple):
-    """Pyramids under the faces of a surface.
+    """Pyramids under the faces of a surface."""
 
-    Attributes
-    ----------
-    points : (n + k, 3) array
-        The mesh's vertices, then the apexes.
-    hulls : list of Hull
-        Of each pyramid: the corners of its base, counter-clockwise seen from outside the solid, and the apex last.
-    surface : Surface
-        True faces and edges.
-    owners : (k,) int array
-        The face of the surface that each base is on.
-    """
-
-    points: Array
+    points: Array  # the mesh's vertices, then the apexes, (n + k, 3)
+    # of each pyramid: the corners of its base, counter-clockwise seen from outside the solid, and the apex last
     hulls: list[Hull]
-    surface: Surface
-    owners: Ints
+    surface: Surface  # true faces and edges
+    owners: Ints  # the face of the surface that each base is on, (k,)
 
 
 def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:

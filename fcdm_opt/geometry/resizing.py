@@ -47,35 +47,17 @@ MOST_AT_A_CORNER = 24  # facets of a corner that splits: all their triples are k
 
 @dataclass(frozen=True, eq=False)
 class MovingPart:
-    """How a convex part answers to k sizes, in the body's frame as drawn; all is linear in the sizes p.
-
-    Attributes
-    ----------
-    part : ConvexPart
-    faces : (f,) int array
-        The body's face that each facet moves with, -1 for a cut along no face.
-    offsets : (f, k) array
-        How far each facet moves outward a unit of each size; where a scale turns it, along its normal as drawn.
-    triples : (t, 3) int array
-        Facets that meet in each corner.
-    vertices : (t,) int array
-        The part's vertex as drawn that each corner comes from, or is nearest to.
-    points : (t, 3) array
-        Where it is as drawn.
-    moves : (t, 3, k) array
-        How each corner moves a unit of each size.
-    split : (n,) bool array
-        Which vertices of the part split.
-    """
+    """How a convex part answers to k sizes, in the body's frame as drawn; all is linear in the sizes p."""
 
     part: ConvexPart
-    faces: Ints
+    faces: Ints  # the body's face that each facet moves with, -1 for a cut along no face, (f,)
+    # (f, k): how far each facet moves outward a unit of each size; where a scale turns it, along its normal as drawn
     offsets: Array
-    triples: Ints
-    vertices: Ints
-    points: Array
-    moves: Array
-    split: Flags
+    triples: Ints  # facets that meet in each corner, (t, 3)
+    vertices: Ints  # the part's vertex as drawn that each corner comes from, or is nearest to, (t,)
+    points: Array  # where it is as drawn, (t, 3)
+    moves: Array  # how each corner moves a unit of each size, (t, 3, k)
+    split: Flags  # which vertices of the part split, (n,)
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
@@ -804,20 +786,12 @@ def _fan(around: Ints, normals: Array) -> Ints:
 
 
 class _Cut(NamedTuple):
-    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along.
+    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along."""
 
-    Attributes
-    ----------
-    normal : (3,) array
-    facets : list of (int, int, float)
-        Part, facet of it, and 1 or -1: whether it looks along the normal.
-    elements : list of (tuple of int, list of int, array or None)
-        Labels of the solid's corners and edges that the piece's corners lie on, rows of the faces there, and the
-        factors of their normals that add up to its own: those carry the cut along.
-    """
-
-    normal: Array
-    facets: list[tuple[int, int, float]]
+    normal: Array  # (3,)
+    facets: list[tuple[int, int, float]]  # part, facet of it, and 1 or -1: whether it looks along the normal
+    # labels of the solid's corners and edges that the piece's corners lie on, rows of the faces there, and the factors
+    # of their normals that add up to its own: those carry the cut along
     elements: list[tuple[tuple[int, ...], list[int], Array | None]]
 
 

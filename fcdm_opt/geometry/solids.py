@@ -82,18 +82,11 @@ def solid_surface(body: Body) -> SolidSurface:
 
 
 class Located(NamedTuple):
-    """Where points are against closed surfaces.
+    """Where points are against closed surfaces."""
 
-    Attributes
-    ----------
-    winding : (m,) int array
-        How often the surfaces wind round each point: of one on a surface as if it were moved by an infinitesimal.
-    on : (m,) bool array
-        Whether it is on one of the triangles.
-    """
-
+    # how often the surfaces wind round each point: of one on a surface as if it were moved by an infinitesimal, (m,)
     winding: Ints
-    on: Flags
+    on: Flags  # whether it is on one of the triangles, (m,)
 
     @property
     def inside(self) -> Flags:

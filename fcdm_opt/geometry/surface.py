@@ -20,31 +20,15 @@ Rows = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Faces and edges of a solid that no two of its neighbouring facets in one plane divide.
+    """Faces and edges of a solid that no two of its neighbouring facets in one plane divide."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array
-        Rows of `points`; counter-clockwise seen from outside.
-    owners : (t,) int array
-        The face that each triangle is of.
-    faces : tuple of tuples of int
-        Rows of each face's corners, those of its holes too, ascending.
-    edges : (k, 2) int array
-        Rows of the ends of each edge.
-    hidden : (h, 2) int array
-        Edges inside the solid that keep names of their own.
-    outlines : tuple of tuples of int
-        The faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes.
-    """
-
-    points: Array
-    triangles: Ints
-    owners: Ints
-    faces: tuple[Rows, ...]
-    edges: Ints
-    hidden: Ints
+    points: Array  # (n, 3)
+    triangles: Ints  # (t, 3): rows of `points`; counter-clockwise seen from outside
+    owners: Ints  # the face that each triangle is of, (t,)
+    faces: tuple[Rows, ...]  # rows of each face's corners, those of its holes too, ascending
+    edges: Ints  # rows of the ends of each edge, (k, 2)
+    hidden: Ints  # edges inside the solid that keep names of their own, (h, 2)
+    # the faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes
     outlines: tuple[Rows, ...]
 
     @classmethod

@@ -32,22 +32,14 @@ class Swept(NamedTuple):
     """A surface of revolution, as the zeros of its signed distance; length units of the file's reader.
 
     Or several of one kind, line or circle, one for each point that is asked about: see `stacked`.
-
-    Attributes
-    ----------
-    origin, axis : (3,) array
-        A point of the axis and its unit direction.
-    line : (float, float) or None
-        Swept by the line `line[0]` u - `line[1]` h = `radius`, where u is the distance from the axis and h that along
-        it: a cylinder (1, 0), a cone (cos, sin), a plane (0, -1). None: by a circle.
-    ring, radius : float
-        By the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0.
     """
 
-    origin: Array
+    origin: Array  # a point of the axis and its unit direction, (3,)
     axis: Array
+    # swept by the line `line[0]` u - `line[1]` h = `radius`, where u is the distance from the axis and h that along it:
+    # a cylinder (1, 0), a cone (cos, sin), a plane (0, -1). None: by a circle
     line: tuple[Number, Number] | None
-    ring: Number
+    ring: Number  # by the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0
     radius: Number
 
     @property
@@ -201,21 +193,11 @@ class Swept(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The surfaces of a STEP file that its triangles stand for.
+    """The surfaces of a STEP file that its triangles stand for."""
 
-    Attributes
-    ----------
-    known : tuple of Swept
-        Planes among them.
-    other : float
-        How far triangles of none of these may be off theirs, length.
-    within : float
-        How far off a surface the corners on it may be: in single precision they are placed.
-    """
-
-    known: tuple[Swept, ...]
-    other: float
-    within: float
+    known: tuple[Swept, ...]  # planes among them
+    other: float  # how far triangles of none of these may be off theirs, length
+    within: float  # how far off a surface the corners on it may be: in single precision they are placed
 
 
 RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]

@@ -35,22 +35,12 @@ TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it do
 
 
 class FacePieces(NamedTuple):
-    """Pieces of the faces of a body, each known by a triangle with its corners on the surface.
+    """Pieces of the faces of a body, each known by a triangle with its corners on the surface."""
 
-    Attributes
-    ----------
-    corners : (n, 3, 3) array
-    patches : (n,) int array
-    others : (n, 3) int array
-        The patch beyond the side from each corner to the next; -1 within the patch.
-    errors : (n,) array
-        No point of the piece is further from the triangle.
-    """
-
-    corners: Array
-    patches: Ints
-    others: Ints
-    errors: Array
+    corners: Array  # (n, 3, 3)
+    patches: Ints  # (n,)
+    others: Ints  # (n, 3): the patch beyond the side from each corner to the next; -1 within the patch
+    errors: Array  # no point of the piece is further from the triangle, (n,)
 
     @classmethod
     def of(cls, faces: TrueFaces) -> FacePieces:
@@ -158,18 +148,10 @@ class FacePieces(NamedTuple):
 
 
 class PoseDerivatives(NamedTuple):
-    """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount.
+    """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount."""
 
-    Attributes
-    ----------
-    first : (k, 3, 4) array
-        Derivatives of its pose by each.
-    second : (k, k, 3, 4) array
-        By each two; zero where nothing turns.
-    """
-
-    first: Array
-    second: Array
+    first: Array  # derivatives of its pose by each, (k, 3, 4)
+    second: Array  # (k, k, 3, 4): by each two; zero where nothing turns
 
     @property
     def spin(self) -> float:

@@ -95,28 +95,18 @@ def restores(problem: Problem, transform: Array) -> bool:
 
 
 class RestoringMotion(NamedTuple):
-    """The least motion after which true faces that touch as drawn touch again.
+    """The least motion after which true faces that touch as drawn touch again."""
 
-    Attributes
-    ----------
-    q : (k,) array or None
-        Motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together, and where
-        the motion is beyond limits.
-    points : list of list of NearestPoints
-        Of each question where they touch then.
-    bound : float
-        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these;
-        infinite where no shift does. 0 of motions that turn.
-    nearest : (k,) array or None
-        Without one, the motion parameters at which the squares of all gaps are least, or those beyond limits.
-    remaining : tuple of arrays
-        Gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap.
-    """
-
+    # (k,): motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together, and
+    # where the motion is beyond limits
     q: Array | None
-    points: list[list[NearestPoints]]
+    points: list[list[NearestPoints]]  # of each question where they touch then
+    # least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these; infinite
+    # where no shift does. 0 of motions that turn
     bound: float
+    # without one, the motion parameters at which the squares of all gaps are least, or those beyond limits, (k,)
     nearest: Array | None = None
+    # gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap
     remaining: tuple[Array, ...] = ()
 
 
