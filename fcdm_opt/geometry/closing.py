@@ -58,18 +58,8 @@ def listed(names: Sequence[str], one: str, many: str) -> str:
 def closed(faces: Faces, slack: float, key: str) -> Faces:
     """Return faces that make a closed, consistently wound surface.
 
-    Parameters
-    ----------
-    faces : Faces
-    slack : float
-        Length below which points count as one.
-    key : str
-        Names the body in messages.
-
-    Raises
-    ------
-    InputError
-        Where no certain repair closes the surface; names edges and faces.
+    `slack`: length below which points count as one. `key`: names the body in messages. Raises `InputError` where no
+    certain repair closes the surface; names edges and faces.
     """
     faces = _with_area(faces, slack)
     readings = list[Faces]()

@@ -51,10 +51,7 @@ class Direction(NamedTuple):
 class PerPair(threading.local):
     """What is worked out once for two bodies: kept as long as both are, for each thread its own.
 
-    Parameters
-    ----------
-    build : callable
-        Makes it from body 1 and body 2; it must not hold the bodies themselves, or they would never go.
+    `build`: makes it from body 1 and body 2; it must not hold the bodies themselves, or they would never go.
     """
 
     def __init__(self, build: Callable[[Body, Body], Any]) -> None:
@@ -167,12 +164,7 @@ class ScaledPair:
         Of part pairs that the spheres about them leave in doubt, from explicit vertices: positive exactly where they
         are apart, and then at most their distance, minus the penetration depth otherwise; nan for very large parts.
 
-        Parameters
-        ----------
-        pairs : (k, 2)
-            Scales, all positive.
-        transforms : (k, 4, 4) array
-            Pose changes of body 1, world frame.
+        `pairs` (k, 2): scales, all positive. `transforms` (k, 4, 4): pose changes of body 1, world frame.
         """
         frames = self._framed(pairs, transforms)
         return judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * frames[:, judging.UNIT]

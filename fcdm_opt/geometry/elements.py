@@ -85,12 +85,7 @@ class Span(NamedTuple):
     def at(self, corners: Array, points: Array) -> list[Element]:
         """Return the element at each of some points of the part's edge or face.
 
-        Parameters
-        ----------
-        corners : (n, 3) array
-            The corners where they are now: moved and scaled together.
-        points : (m, 3) array
-            In the same place.
+        `corners` (n, 3): the corners where they are now: moved and scaled together. `points` (m, 3): in the same place.
         """
         shares = np.linalg.lstsq((corners[1:] - corners[0]).T, (points - corners[0]).T)[0].T
         drawn = self.corners[0] + shares @ (self.corners[1:] - self.corners[0])

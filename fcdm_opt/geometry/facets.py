@@ -201,11 +201,7 @@ def _crossed(u, v, out):
 def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints) -> float:
     """Return the distance of two surfaces by the collision library; 0 where they meet, infinite where one has no facet.
 
-    Parameters
-    ----------
-    points, others : (n, 3) arrays
-    triangles, facing : (t, 3) int arrays
-        Rows of the first, and of the second.
+    `points`, `others` (n, 3). `triangles`, `facing` (t, 3): rows of the first, and of the second.
     """
     import coal
     from scipy.spatial import cKDTree

@@ -150,13 +150,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
 def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> Array:
     """Return points moved the shortest way onto all their planes, but for directions that these hardly fix.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    corner : (k,) int array
-        The point that lies on a plane; several times the same one on several.
-    normals, misses : (k, 3) and (k,) arrays
-        Of that plane, and how far it is from the point.
+    `points` (n, 3). `corner` (k,): the point that lies on a plane; several times the same one on several. `normals`,
+    `misses` (k, 3) and (k,): of that plane, and how far it is from the point.
     """
     moved, own = np.unique(corner, return_inverse=True)
     grams, pulls = np.zeros((len(moved), 3, 3)), np.zeros((len(moved), 3))

@@ -29,18 +29,8 @@ class Hull(NamedTuple):
 def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     """Return the hull of points, coplanar facets merged.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    rows : (n,) int array
-        Their rows among the body's vertices.
-    key : str
-        Names body and part in errors.
-
-    Raises
-    ------
-    InputError
-        For points that do not span a volume; names the vertices that show it.
+    `points` (n, 3). `rows` (n,): their rows among the body's vertices. `key`: names body and part in errors. Raises
+    `InputError` for points that do not span a volume; names the vertices that show it.
     """
     if len(points) < 4:
         raise InputError("a convex part needs at least 4 vertices", key=key, found=len(points))

@@ -42,19 +42,8 @@ def partition(
 ) -> list[Cell] | None:
     """Return convex cells that fill what the facets bound in a cell; None where they are more than so many.
 
-    Parameters
-    ----------
-    space : Arrangement
-    cell : Cell
-        Convex, and inside the solid where it holds no facets.
-    facets : sequence of Facet
-        Of the solid's surface, inside the cell; on its border they are left out.
-    rule : Rule
-
-    Raises
-    ------
-    InputError
-        Where the facets bound no solid.
+    `cell`: convex, and inside the solid where it holds no facets. `facets`: of the solid's surface, inside the cell; on
+    its border they are left out. Raises `InputError` where the facets bound no solid.
     """
     found: list[Cell] = []
     stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]

@@ -377,14 +377,8 @@ def nearest_on_faces(
 ) -> list[NearestPoints]:
     """Return where bodies come nearest on their true faces, where a round one takes part.
 
-    Parameters
-    ----------
-    faces : (TrueFaces, TrueFaces)
-    scales : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-    band : float
-        Pairs of triangles up to this distance are looked at.
+    `scales` (2,). `transform` (4, 4): pose change of body 1. `band`: pairs of triangles up to this distance are looked
+    at.
     """
     placed = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
     found = list[NearestPoints]()
@@ -531,15 +525,8 @@ def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Ar
 
     Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    on : list of Patch
-        Up to two, each of a row for each point; none of corners, which stay.
-    against : Patch
-        Alike.
-    extents : (n,) array
-        Of the feature: so far, times a few, points may move.
+    `points` (n, 3). `on`: up to two, each of a row for each point; none of corners, which stay. `against`: alike.
+    `extents` (n,): of the feature: so far, times a few, points may move.
     """
     if not on:
         return points

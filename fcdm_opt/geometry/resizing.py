@@ -236,16 +236,8 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 
     Vertices keep their labels where each stays one; else they are numbered anew.
 
-    Parameters
-    ----------
-    body : Body
-    made : mapping of Size to number
-        Deviations from drawn; sizes that are not there are as drawn.
-
-    Raises
-    ------
-    InputError
-        Where a face vanishes or a part does, with the face.
+    `made`: deviations from drawn; sizes that are not there are as drawn. Raises `InputError` where a face vanishes or a
+    part does, with the face.
     """
     return _resized(body, tuple((size.of_body("movable"), value) for size, value in made.items()))
 

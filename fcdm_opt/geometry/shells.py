@@ -26,13 +26,8 @@ class JoinedShells(NamedTuple):
 def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShells | None:
     """Return what closed surfaces bound together, by manifold3d; None for a single one, and where one is no solid.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array
-        Of all surfaces.
-    shells : (t,) int array
-        Which surface each triangle is of. Those wound the other way than most, and inside the others, are cavities.
+    `points` (n, 3). `triangles` (t, 3): of all surfaces. `shells` (t,): which surface each triangle is of. Those wound
+    the other way than most, and inside the others, are cavities.
     """
     from manifold3d import Error, Manifold, Mesh64, OpType
 

@@ -132,13 +132,8 @@ class Surface:
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
 
-        Parameters
-        ----------
-        ends : (2, 3) array
-        faces : (k,) int array
-            In whose planes the segment lies: their triangles' sides cut it.
-        edges : (m,) int array
-            On whose lines it lies: their ends cut it.
+        `ends` (2, 3). `faces` (k,): in whose planes the segment lies: their triangles' sides cut it. `edges` (m,): on
+        whose lines it lies: their ends cut it.
         """
         corners = self.points[self.triangles[np.isin(self.owners, faces)]]
         after, others = following(corners), self.points[self.edges[edges]]

@@ -246,13 +246,7 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
 def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tuple[list[Swept], Ints]:
     """Return surfaces, round ones first, then planes of other faces, and which of them each triangle is of, (t,).
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Triangles of the faces, wound outwards.
-    rows : (t,) int array
-        The face that each is of.
-    rounds : RoundFaces
+    `corners` (t, 3, 3): triangles of the faces, wound outwards. `rows` (t,): the face that each is of.
     """
     surfaces, owners = [surface for surface, _ in rounds], np.full(len(rows), -1)
     for k, (_, faces) in enumerate(rounds):
@@ -277,13 +271,7 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
     Triangles are split, with new corners on the surface, or at the sides of two on both; volumes and moments of ever
     smaller ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Of a closed surface, on the surfaces.
-    surfaces : sequence of Swept
-    owners : (t,) int array
-        The surface of each triangle.
+    `corners` (t, 3, 3): of a closed surface, on the surfaces. `owners` (t,): the surface of each triangle.
     """
     _, same = distinct_rows(corners.reshape(-1, 3))
     ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
@@ -333,12 +321,7 @@ def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float
 
     So facets between two such rings are plane, where the digits of a file bent them.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    surfaces : sequence of surfaces and the rows of their points
-    slack : float
-        Length by which rounding moved each at most.
+    `points` (n, 3). `slack`: length by which rounding moved each at most.
     """
     axes = list[tuple[Swept, list[Ints]]]()
     for surface, rows in surfaces:

@@ -66,11 +66,7 @@ def _added(corners: list[Array], piece: Array) -> tuple[int, ...]:
 class _Walls:
     """Faces of all parts, one after another.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    hulls : list of Hull
-        The parts.
+    `points` (n, 3). `hulls`: the parts.
     """
 
     def __init__(self, points: Array, hulls: list[Hull]) -> None:

@@ -275,13 +275,8 @@ class Task:
     def modelled_by_gaps(self, q: Array, kept: Collection[Parts] | None = None) -> dict[str, int]:
         """Return the counts of a program in which each part pair is one row: its largest separation over its facets.
 
-        Parameters
-        ----------
-        q : (k,) array
-            Where the facets are counted.
-        kept : collection of (i, j), optional
-            Part pairs in it; by default those that bounds do not tell to be further off than the nearest, and than is
-            needed, see `pair_gaps`.
+        `q` (k,): where the facets are counted. `kept`, collection of (i, j), optional: part pairs in it; by default
+        those that bounds do not tell to be further off than the nearest, and than is needed, see `pair_gaps`.
         """
         kept, pose = self._near(q) if kept is None else kept, self.pose(q)
         features = sum(len(self.separations(parts, pose)[2]) for parts in kept)
@@ -440,12 +435,7 @@ class Task:
         A gap changes as the point of body 1 recedes at which its elements meet, or would along the normal: however the
         normal turns with it. nan along parallel edges, which have no such point, of a motion that turns.
 
-        Parameters
-        ----------
-        parts : (i, j)
-        q : (k,) array
-        sites, normals : (m, 3) arrays
-            As `separations` gives them after the motion.
+        `parts` (i, j). `q` (k,). `sites`, `normals` (m, 3): as `separations` gives them after the motion.
         """
         (T, rates), one, other = self.rates(q), self.movable.parts[parts[0]], self.obstacles[parts[1]]
         first = self.target[0] * (one.vertices - one.seed) @ T[:3, :3].T + T[:3, :3] @ one.seed + T[:3, 3]

@@ -306,13 +306,8 @@ def points_of_true_faces(
 
     None where all faces are plane, where what they are is not known, or no motion is found so.
 
-    Parameters
-    ----------
-    problem : Problem
-    solve : callable
-        Solves the same question about other parts.
-    refused : callable
-        Tells whether a motion found so is no answer, as it leaves the fit.
+    `solve`: solves the same question about other parts. `refused`: tells whether a motion found so is no answer, as it
+    leaves the fit.
     """
     asked = Exchange.of(problem)
     if asked is None:

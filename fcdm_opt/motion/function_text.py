@@ -52,11 +52,8 @@ def text_of(function: Any) -> str:
 def function_of(text: str) -> Any:
     """Return the casadi.Function of SX symbols of which a text is, built anew.
 
-    Raises
-    ------
-    ValueError
-        For any other text: of functions of MX symbols (give `function.expand()`), of those that call others, that are
-        compiled or come from a library, and of a release of CasADi whose form is not known.
+    Raises `ValueError` for any other text: of functions of MX symbols (give `function.expand()`), of those that call
+    others, that are compiled or come from a library, and of a release of CasADi whose form is not known.
     """
     try:
         return _built(*json.loads(text)) if text[:1] == "[" else _Reader(text).function()

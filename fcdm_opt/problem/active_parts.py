@@ -51,14 +51,8 @@ def active_bodies(
 ) -> tuple[tuple[Body, Body], Box]:
     """Return both bodies with only the parts that are looked at, and the box of their curve; as given where all are.
 
-    Parameters
-    ----------
-    movable, static : Body
-        At the sizes made.
-    nominal, box
-        See `Problem`.
-    indices : pair of int arrays, optional
-        Parts of either body that are; by default those near each other as drawn.
+    `movable`, `static`: at the sizes made. `nominal`, `box`: see `Problem`. `indices`, optional: parts of either body
+    that are; by default those near each other as drawn.
     """
     few = len(movable.parts) * len(static.parts) <= FEW and not (movable.is_surface or static.is_surface)
     if isinstance(nominal, int) or few:
@@ -114,14 +108,7 @@ def _near(
 def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array | None = None) -> Problem:
     """Return the problem with all parts active, too, whose surfaces come as near to the other body's as a length.
 
-    Parameters
-    ----------
-    problem : Problem
-    transform : (4, 4) array
-        Pose change of body 1.
-    band : float
-    rho : (2,) array, optional
-        Scale pair; by default the target pair.
+    `transform` (4, 4): pose change of body 1. `rho` (2,), optional: scale pair; by default the target pair.
     """
     if not problem.partial:
         return problem

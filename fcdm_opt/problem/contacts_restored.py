@@ -116,10 +116,7 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
     By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
     which no smaller one does. None where it is not found.
 
-    Parameters
-    ----------
-    asked : sequence of Problem
-        Of two parts each, about the same motions.
+    `asked`: of two parts each, about the same motions.
     """
     asked = [own.of_facets for own in asked]
     first, before = asked[0], [_met_as_drawn(own) for own in asked]
