@@ -31,8 +31,7 @@ BLOCK = 4096  # directions that are looked at together: what they take stays in 
 MOST_PAIRS = 4096  # part pairs whose separations along face normals are looked at
 MOST = 200  # vertices taken up in the search for the nearest points; a few for each face that holds them
 
-Rows = tuple[Any, Any]
-"""Which faces or edges of part 1, and of part 2."""
+Rows = tuple[Any, Any]  # which faces or edges of part 1, and of part 2
 ALL: Rows = slice(None), slice(None)
 
 

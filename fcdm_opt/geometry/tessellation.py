@@ -24,8 +24,7 @@ TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge a
 _TINY = float(np.finfo(float).tiny)
 
 
-Number = Any
-"""A number, or an array with one for each of several surfaces."""
+Number = Any  # a number, or an array with one for each of several surfaces
 
 
 class Swept(NamedTuple):
@@ -200,8 +199,7 @@ class Surfaces(NamedTuple):
     within: float  # how far off a surface the corners on it may be: in single precision they are placed
 
 
-RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]
-"""Round surfaces, and the rows of the faces that stand for each."""
+RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]  # round surfaces, and the rows of the faces that stand for each
 
 
 def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces) -> tuple[Array, RoundFaces]:

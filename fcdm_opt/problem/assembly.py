@@ -47,8 +47,7 @@ if TYPE_CHECKING:
 ROLES = ("movable", "static")
 FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 UNNAMED = "body"  # a body that was given no name
-CLEAR = {"goal": "clear"}
-"""What is asked of two parts without a contact: that they do not overlap."""
+CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
 CORNERS = ("worst", "loosest", "low", "high", "middle")
 
 

@@ -23,8 +23,7 @@ STARTS = 0.0, 0.05, -0.05  # of the size: where contacts change with the square 
 MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
-Pairs = set[tuple[int, int]]
-"""True faces of either body that meet in a point, by number."""
+Pairs = set[tuple[int, int]]  # true faces of either body that meet in a point, by number
 
 
 def touching_again(problem: Problem) -> Problem | None:

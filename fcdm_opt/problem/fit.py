@@ -29,8 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 REST = np.eye(4)
 
-FAR = 2.0
-"""Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
+FAR = 2.0  # sizes of the larger part between the parts, from which on they are likely to be drawn in different frames
 
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 LINE_TO_LINE = "drawn line to line"

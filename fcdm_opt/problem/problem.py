@@ -59,8 +59,7 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
-SCALES = ("rho_1", "rho_2")
-"""Names of the scales of the movable and of the static body."""
+SCALES = ("rho_1", "rho_2")  # names of the scales of the movable and of the static body
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
