@@ -12,7 +12,7 @@ from functools import cached_property, wraps
 from itertools import combinations
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -50,6 +50,7 @@ from fcdm_opt.tolerances import DEFAULT
 SeedRule = Literal["centroid", "vertices", "box"]
 Seed = SeedRule | Sequence[float] | NDArray[Any]
 Known = TypeVar("Known")
+Asked = ParamSpec("Asked")
 SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
@@ -69,15 +70,27 @@ class _Sealed:
         self.__dict__.update(state)
 
 
-def cached_per_body(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
+def cached_per_body(work: Callable[Concatenate[Body, Asked], Known]) -> Callable[Concatenate[Body, Asked], Known]:
     """Let what a function finds of a body be kept as long as the body is there."""
-    known: WeakKeyDictionary[Body, Known] = WeakKeyDictionary()
+    known: WeakKeyDictionary[Body, dict[Any, Known]] = WeakKeyDictionary()
 
     @wraps(work)
-    def found(body: Body) -> Known:
-        if body not in known:
-            known[body] = work(body)
-        return known[body]
+    def found(body: Body, *asked: Asked.args, **options: Asked.kwargs) -> Known:
+        own, key = known.setdefault(body, {}), (asked, *options.items())
+        if key not in own:
+            own[key] = work(body, *asked, **options)
+        return own[key]
+
+    return found
+
+
+def cached_of_whole(work: Callable[Concatenate[Body, Asked], Known]) -> Callable[Concatenate[Body, Asked], Known]:
+    """Let it be kept, of the body with all parts where some of them are given."""
+    kept = cached_per_body(work)
+
+    @wraps(work)
+    def found(body: Body, *asked: Asked.args, **options: Asked.kwargs) -> Known:
+        return kept(body.full_body or body, *asked, **options)
 
     return found
 
@@ -921,8 +934,6 @@ def _seed(seed: Any, points: Array, parts: Sequence[ConvexPart], name: str) -> A
 
 def _parts_overlap(parts: Sequence[ConvexPart]) -> bool:
     """Tell whether interiors of two parts meet: the largest ball inside both, by linear programming."""
-    if len(parts) == 1:
-        return False
     for one, two in combinations(parts, 2):
         slack = DEFAULT.partition * np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
         if _separates(one, two, slack) or _separates(two, one, slack):

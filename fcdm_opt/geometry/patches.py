@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
@@ -277,12 +277,7 @@ class TrueFaces:
         return float(far[met & (far > near)].min(initial=np.inf))
 
 
-_faces_of = cached_per_body(TrueFaces)
-
-
-def true_faces(body: Body) -> TrueFaces:
-    """Return the true faces of a body, worked out once."""
-    return _faces_of(body.full_body or body)
+true_faces = cached_of_whole(TrueFaces)
 
 
 def patches_of_element(body: Body, element: Element) -> frozenset[int]:
@@ -322,7 +317,9 @@ class _Placed:
     def covers(self, k: int, points: Array) -> Flags:
         """Tell which points of a patch are on the piece of it that its triangles stand for."""
         corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
-        found = np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
+        met, far = _lines(points, self.patches[k].gaps(points)[1], corners)
+        longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
+        found = np.asarray((met & (np.abs(far) <= longest)).any(axis=1))  # not the far side of a cylinder
         for plane, hole in self.faces.rims if found.any() else ():
             if plane == k:
                 found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)
@@ -363,13 +360,6 @@ def _lines(points: Array, directions: Array, corners: Array) -> tuple[Flags, Arr
         u, v = (start * across).sum(axis=2) * inverse, (turned * directions[:, None]).sum(axis=2) * inverse
         far = (turned * two).sum(axis=2) * inverse
         return (u >= -RIM_SLACK) & (v >= -RIM_SLACK) & (u + v <= 1.0 + RIM_SLACK), far
-
-
-def _hit(points: Array, directions: Array, corners: Array) -> Flags:
-    """Tell which triangles stand for points of their surface with these normals, (n, t)."""
-    met, far = _lines(points, directions, corners)
-    longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
-    return met & (np.abs(far) <= longest)  # not the far side of a cylinder
 
 
 def nearest_on_faces(

@@ -849,7 +849,12 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
                 (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
             ).tolist()
             if ways and not own:
-                raise _loose(body, sizes, np.array(ways), cut)
+                size = sizes[int(np.ptp(ways, axis=0).argmax())]
+                labels = dict.fromkeys(label for own, *_ in cut.elements for label in own)
+                plane = f"a plane through {', '.join(f'V{label}' for label in labels)}"
+                what = f"body '{body.name}' is cut along {plane}, which this size would take out of it"
+                allowed = "a scale, or faces away from such a cut"
+                raise InputError(what, key=f"size '{size.name}'.faces", found=size.faces, allowed=allowed)
             offsets = np.sign(along[own])[:, None] * face_offsets[own]
             _check_one_plane(body, sizes, own, offsets)
             offset = offsets[0] if own else np.zeros(len(sizes))
@@ -884,12 +889,3 @@ def _check_one_plane(body: Body, sizes: Sequence[Size], faces: Sequence[int], of
             key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
             allowed="all of these faces, or none",
         )  # fmt: skip
-
-
-def _loose(body: Body, sizes: Sequence[Size], ways: Array, cut: _Cut) -> InputError:
-    size = sizes[int(np.ptp(ways, axis=0).argmax())]
-    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own, *_ in cut.elements for label in own))
-    return InputError(
-        f"body '{body.name}' is cut along a plane through {corners}, which this size would take out of it",
-        key=f"size '{size.name}'.faces", found=size.faces, allowed="a scale, or faces away from such a cut",
-    )  # fmt: skip

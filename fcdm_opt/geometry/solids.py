@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly, groups_of
-from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
@@ -72,13 +72,8 @@ class SolidSurface:
         return groups_of(components(sides, len(self.points)))
 
 
-_surface_of = cached_per_body(SolidSurface)
+solid_surface = cached_of_whole(SolidSurface)  # of the solid that a body, or some of its parts, stands for
 _DEPTHS: dict[bytes, float] = {}  # by the triangles where they are
-
-
-def solid_surface(body: Body) -> SolidSurface:
-    """Return the boundary of the whole solid that a body, or some of its parts, stands for; worked out once."""
-    return _surface_of(body.full_body or body)
 
 
 class Located(NamedTuple):
@@ -253,10 +248,7 @@ class PlacedSolids:
 
         Of solids whose surfaces do not cross it tells whether they overlap.
         """
-        return sum(self._within(one, two) for one, two in ((0, 1), (1, 0)))
-
-    def _within(self, one: int, two: int) -> int:
-        return sum(self._holds(two, one, rows) for rows in self._own[one].shells)
+        return sum(self._holds(1 - one, one, rows) for one in range(2) for rows in self._own[one].shells)
 
     def _holds(self, which: int, other: int, rows: Ints) -> bool:
         """Tell whether a closed surface of the other solid, rows of its points, lies inside a solid."""
@@ -354,8 +346,7 @@ class PlacedSolids:
         for own, points in zip(self._own, self._points, strict=True):
             rows = [own.triangles]
             if not own.closed:
-                group = components(np.concatenate([own.triangles[:, :2], own.triangles[:, 1:]]), len(points))
-                rows = [own.triangles[group[own.triangles[:, 0]] == k] for k in range(group.max() + 1)]
+                rows = [own.triangles[np.isin(own.triangles[:, 0], shell)] for shell in own.shells]
             pieces = []
             for some in rows:
                 used, faces = np.unique(some, return_inverse=True)
