@@ -341,12 +341,10 @@ class Body(_Sealed, NotebookRepr):
             two parts turn to each other are seams.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`; it may lie outside a part. "centroid" needs parts that do not overlap.
-        name : str
-            Used in messages and pictures.
         deviation : (float, float)
             Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
-        unit : "m", "cm", "mm", "um", "in", "ft" or ""
-            Of the coordinates, see the attribute.
+        name, unit
+            As in `convex`.
 
         Raises
         ------
@@ -390,12 +388,8 @@ class Body(_Sealed, NotebookRepr):
             How a non-convex solid is made of convex parts: cut exactly at its reflex edges; its surface alone, one
             pyramid under each face, which "auto" takes where cutting would take long; or approximately by CoACD. A
             convex solid is one part.
-        seed : {"centroid", "vertices", "box"} or (3,) array
+        seed, name, unit
             As in `convex`.
-        name : str
-            Used in messages and pictures.
-        unit : "m", "cm", "mm", "um", "in", "ft" or ""
-            Of the coordinates, see the attribute.
 
         Raises
         ------
@@ -776,14 +770,10 @@ def as_body(
     x : Body, trimesh.Trimesh, (vertices, faces), coal.Convex or coal BVH model
         A body comes back as it is, with its own seed, name and unit. A `coal.Convex` is the hull of its points; coal's
         other shapes are approximated by nothing here. Units are those of the numbers.
-    seed : {"centroid", "vertices", "box"} or (3,) array
-        See `Body.convex`.
-    name : str
-        Used in messages and pictures.
+    seed, name, unit
+        As in `Body.convex`.
     decomposition : {"auto", "exact", "surface", "coacd"}
         See `Body.from_mesh`.
-    unit : "m", "cm", "mm", "um", "in", "ft" or ""
-        See `Body.convex`.
 
     Raises
     ------

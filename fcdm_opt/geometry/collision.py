@@ -130,23 +130,14 @@ class ScaledPair:
         return float(self.signed_distances(np.asarray(rho)[None], transform[None])[0])
 
     def signed_distances(self, pairs: ArrayLike, transforms: Array, *, settled: Flags | None = None) -> Array:
-        """Return the least signed distance over the part pairs.
+        """Return the least signed distance over the part pairs, (k,), length units.
 
-        Parameters
-        ----------
-        pairs : (k, 2)
-            Scales, all positive.
-        transforms : (k, 4, 4) array
-            Pose changes of body 1, world frame.
-        settled : (k, parts 1, parts 2) array of bool, optional
-            Part pairs that are not asked about.
+        The Euclidean distance if apart, minus the penetration depth of the deepest part pair if overlapping; infinite
+        where all part pairs are settled; nan if coal cannot tell, and where scales or pose are none.
 
-        Returns
-        -------
-        (k,) array
-            Length units: the Euclidean distance if apart, minus the penetration depth of the deepest part pair if
-            overlapping; infinite where all part pairs are settled; nan if coal cannot tell, and where scales or pose
-            are none.
+        - `pairs` (k, 2): scales, all positive.
+        - `transforms` (k, 4, 4): pose changes of body 1, world frame.
+        - `settled` (k, parts 1, parts 2), optional: part pairs that are not asked about.
         """
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]

@@ -211,17 +211,11 @@ def _bent(
     changes evenly on a smooth face, with uneven chords and through an inflection too, and jumps from turn to turn of a
     polygon.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    faces : list of tuple of int
-        Numbers of the corners of each facet, from 1.
-    looks : (f, 3) array
-        Their unit normals.
-    pairs, ends : (m, 2) arrays of int
-        Which of them meet, and in which rows of points.
-    group : (f,) array of int
-        Which facets may be of one smooth face.
+    - `points` (n, 3).
+    - `faces`: numbers of the corners of each facet, from 1.
+    - `looks` (f, 3): their unit normals.
+    - `pairs`, `ends` (m, 2): which of them meet, and in which rows of points.
+    - `group` (f,): which facets may be of one smooth face.
     """
     count, first = len(faces), units(cross(looks, np.eye(3)[np.abs(looks).argmin(axis=1)]))
     frames = np.stack([first, cross(looks, first)], axis=1)

@@ -18,17 +18,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class Facets:
-    """The facets of a body's parts: of parts that are its surface alone the bases, of others all.
+    """The facets of a body's parts: of parts that are its surface alone the bases, of others all."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        From the seed.
-    triangles : (t, 3) int array
-        Rows of the points, counter-clockwise seen from outside.
-    owners : (t,) int array
-        The part that each is of.
-    """
+    points: Array  # from the seed, (n, 3)
+    triangles: Ints  # rows of the points, counter-clockwise seen from outside, (t, 3)
+    owners: Ints  # the part that each is of, (t,)
 
     def __init__(self, body: Body) -> None:
         loops = [part.loops for part in body.parts]
@@ -65,18 +59,13 @@ class NearFacets(NamedTuple):
         Exact for shifts along one line: facets of the triangles' difference are parallel to one of them, or to a side
         of each.
 
-        Parameters
-        ----------
-        shifts : (m, 3) array
-            How far the first facet is displaced by a unit of each way to move it; none where it turns, too.
-        fastest : float
-            How far a unit displaces it at most, where there are no `shifts`.
-        slack : float
-            Length up to which facets count as touching.
-        enough : float
-            Of pairs that need as much it is not asked how much more.
-        along : (3,) array, optional
-            The one line of all shifts: facets that it leads past each other need more than any amount.
+        - `shifts` (m, 3): how far the first facet is displaced by a unit of each way to move it; none where it turns,
+          too.
+        - `fastest`: how far a unit displaces it at most, where there are no `shifts`.
+        - `slack`: length up to which facets count as touching.
+        - `enough`: of pairs that need as much it is not asked how much more.
+        - `along` (3,), optional: the one line of all shifts: facets that it leads past each other need more than any
+          amount.
         """
         line = np.zeros(3) if along is None else along
         return least_needed(self.corners, shifts, fastest, slack, enough, line, DEFAULT.tie)
@@ -87,16 +76,10 @@ def near_facets(
 ) -> NearFacets:
     """Return the pairs of facets of two bodies that are not told apart by a distance.
 
-    Parameters
-    ----------
-    one, two : Facets
-    points, others : (n, 3) arrays
-        Their points where they are, in one frame.
-    band : float
-        The distance. Facets that are further apart by boxes, or across the plane of one of them, are not near, nor
-        are those that lie behind one of the planes by more.
-    crossing : bool
-        Return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
+    - `points`, `others` (n, 3): their points where they are, in one frame.
+    - `band`: the distance. Facets that are further apart by boxes, or across the plane of one of them, are not near,
+      nor are those that lie behind one of the planes by more.
+    - `crossing`: return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
     """
     corners = points[one.triangles], others[two.triangles]
     with np.errstate(invalid="ignore"):  # facets without area are left out: others hold their corners

@@ -27,15 +27,10 @@ DAMPING = 1e-10  # of these: planes may say the same of a point
 def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
     """Return vertices with faces plane to double precision; equal points stay equal, and plane faces as they are.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-    faces : sequence of tuples of int
-        Rows of `vertices`. One of four or more corners is drawn as plane, and made so if it is within `slack`.
-    slack : float
-        Length by which rounding moved the vertices at most.
-    joined : bool
-        Whether triangles that lie in one plane within `slack` are one face, too.
+    - `vertices` (n, 3).
+    - `faces`: rows of `vertices`. One of four or more corners is drawn as plane, and made so if it is within `slack`.
+    - `slack`: length by which rounding moved the vertices at most.
+    - `joined`: whether triangles that lie in one plane within `slack` are one face, too.
     """
     first, same = distinct_rows(vertices)
     distinct = vertices[first]

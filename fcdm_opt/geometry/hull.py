@@ -156,14 +156,8 @@ def flat_groups(local: Array, triangles: Ints, sides: Sides) -> Ints:
 def convex_faces(local: Array, triangles: Ints, sides: Sides) -> tuple[Ints, Ints, Ints, bool]:
     """Join triangles of a surface in one plane where that gives a convex polygon, that of the largest triangle first.
 
-    Returns
-    -------
-    faces : (t,) int array
-        The polygon that each triangle is of.
-    corners, counts : int arrays
-        The polygons' corners one after another, and how many each has.
-    whole : bool
-        Whether every polygon's outline is one.
+    The polygon that each triangle is of, (t,), the polygons' corners one after another, how many each has, and whether
+    every polygon's outline is one.
     """
     group, areas = flat_groups(local, triangles, sides), _areas(local[triangles])
     order = np.argsort(-np.sqrt((areas**2).sum(axis=1)), kind="stable")
@@ -273,11 +267,8 @@ def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
     dropped = np.zeros(count, bool)
     for vertex in doubtful[::-1]:
         around = np.unique(both[first[vertex] : first[vertex + 1], 1])
-        if not dropped[around].any() and _near_hull(local[around] - local[vertex]):
-            dropped[vertex] = True
+        if not dropped[around].any():  # it is no corner where it lies within `planarity` of the hull of those around
+            spokes = local[around] - local[vertex]
+            nearest = nearest_mixture(spokes / norms(spokes).max()) @ spokes
+            dropped[vertex] = norms(nearest) <= DEFAULT.planarity
     return np.flatnonzero(dropped)
-
-
-def _near_hull(points: Array) -> bool:
-    """Tell whether the origin lies within `planarity` of the hull of points."""
-    return bool(norms(nearest_mixture(points / norms(points).max()) @ points) <= DEFAULT.planarity)

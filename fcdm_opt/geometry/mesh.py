@@ -85,28 +85,18 @@ class Mesh:
 def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike, *, name: str = "body") -> Mesh:
     """Return the closed surface of a solid from vertices and faces.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-        Points nearer than `Tolerances.weld` of the mesh's size are one, the first given.
-    faces : (t, 3) int array, or rows of `vertices`
-        Of each face, 0-based, in order around it: three or more. Polygons must be planar and may be non-convex.
-    name : str
-        Used in messages.
+    With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left out;
+    vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
+    `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one; folds and slivers finer than
+    `Tolerances.fold` of the size left out.
 
-    Returns
-    -------
-    Mesh
-        With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left
-        out; vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
-        `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one; folds and slivers finer
-        than `Tolerances.fold` of the size left out.
+    - `vertices` (n, 3): points nearer than `Tolerances.weld` of the mesh's size are one, the first given.
+    - `faces`, (t, 3) or rows of `vertices`: of each face, 0-based, in order around it: three or more. Polygons must be
+      planar and may be non-convex.
+    - `name`: used in messages.
 
-    Raises
-    ------
-    InputError
-        For a surface that is open, that crosses itself, or of which it is not certain what is inside. Names faces and
-        vertices (1-based) and a place.
+    Raises `InputError` for a surface that is open, that crosses itself, or of which it is not certain what is inside;
+    names faces and vertices (1-based) and a place.
     """
     return _checked(vertices, faces, name, remake=True)
 

@@ -157,7 +157,10 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
     if (piece := body.piece_of(element)) is not None:
         return [*piece.rows]
     if max(element.vertices) > len(drawn.vertices):
-        return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0))
+        corners, owners = drawn.face_triangles  # those that it is on or beside, the nearest first
+        off = distances(body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None], corners)[:, 0]
+        near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * drawn.size)
+        return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
     return [row for row in rows_at(drawn, element) if row >= 0]
 
 
@@ -183,14 +186,6 @@ def _place(point: Array) -> str:
     """Return where a corner is, in words."""
     least = DEFAULT.weld * float(np.abs(point).max())
     return f"at ({', '.join(f'{x if abs(x) > least else 0.0:.4g}' for x in point.tolist())})"
-
-
-def _rows_near(body: Body, point: Array) -> list[int]:
-    """Return the rows of the faces that a point is on or beside, the nearest first."""
-    corners, owners = body.face_triangles
-    off = distances(point[None], corners)[:, 0]
-    near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * body.size)
-    return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
 
 
 def is_round(told: str) -> bool:

@@ -273,20 +273,11 @@ def cover(
 ) -> list[Cell] | None:
     """Return convex parts of the solid that hold the seed and together are all of it; None for more than `most`.
 
-    Parameters
-    ----------
-    space : Arrangement
-    hull : Cell
-        Of the solid.
-    facets : sequence of Facet
-        Of its surface, without those on the hull.
-    seed : int
-        Row of a point about which the solid is star-shaped.
-    cells : sequence of Cell
-        A partition of it.
-    most : int
-    targets : int
-        Largest pieces still to be covered that a part is grown around, of which the best is taken.
+    - `hull`: of the solid.
+    - `facets`: of its surface, without those on the hull.
+    - `seed`: row of a point about which the solid is star-shaped.
+    - `cells`: a partition of it.
+    - `targets`: largest pieces still to be covered that a part is grown around, of which the best is taken.
     """
     left, parts = list(cells), list[Cell]()
     while left:

@@ -74,25 +74,16 @@ class Patch(NamedTuple):
 
 
 class TrueFaces:
-    """The patches of a body, with the triangles that stand for them, and the edges and corners between them.
+    """The patches of a body, with the triangles that stand for them, and the edges and corners between them."""
 
-    Attributes
-    ----------
-    patches : tuple of Patch
-    corners : (t, 3, 3) array
-        Triangles, wound outwards, as drawn.
-    owners : (t,) int array
-        The patch of each.
-    rows : (t,) int array
-        The row of `Body.faces` of each.
-    is_round : (p,) array of bool
-    edges : (m, 2, 3) array
-        Ends of the convex edges between two patches.
-    edge_patches : (m, 2) int array
-        These.
-    tips : (v, 3) array
-        Corners, in which edges of several kinds meet.
-    """
+    patches: tuple[Patch, ...]
+    corners: Array  # triangles, wound outwards, as drawn, (t, 3, 3)
+    owners: Ints  # the patch of each, (t,)
+    rows: Ints  # the row of `Body.faces` of each, (t,)
+    is_round: Flags  # of each patch, (p,)
+    edges: Array  # ends of the convex edges between two patches, (m, 2, 3)
+    edge_patches: Ints  # these patches, (m, 2)
+    tips: Array  # corners, in which edges of several kinds meet, (v, 3)
 
     def __init__(self, body: Body) -> None:
         self.body = body

@@ -150,22 +150,13 @@ def triangulated(
 ) -> tuple[Ints, Ints]:
     """Return triangles of polygons, (t, 3), and the polygon each is from, (t,).
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    polygons : sequence of tuples of int
-        Rows of `points`; no polygon lies on one line.
-    numbers : sequence of int
-        How messages number the polygons.
-    slack : float
-        Length up to which a polygon may be out of plane, and a corner in line.
-    key : str
-        Names the body in messages.
+    - `points` (n, 3).
+    - `polygons`: rows of `points`; no polygon lies on one line.
+    - `numbers`: how messages number the polygons.
+    - `slack`: length up to which a polygon may be out of plane, and a corner in line.
+    - `key`: names the body in messages.
 
-    Raises
-    ------
-    InputError
-        For a polygon that is not planar or meets itself; names it.
+    Raises `InputError` for a polygon that is not planar or meets itself; names it.
     """
     triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
     for places, corners in by_size(polygons):

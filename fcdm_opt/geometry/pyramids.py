@@ -66,22 +66,13 @@ def _local(vertices: Array, triangles: Ints) -> tuple[Array, Array, float]:
 def apexes(vertices: Array, triangles: Ints, groups: Ints, corners: Ints, sizes: Ints, name: str) -> Array:
     """Return the apexes of pyramids under a closed surface, (k, 3): as deep as the solid lets them be, and inside it.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-    triangles : (t, 3) int array
-        Outward.
-    groups : (t,) int array
-        The base that each triangle is of.
-    corners, sizes : int arrays
-        Rows of the corners of all bases, one after the other, and how many each has.
-    name : str
-        Of the body.
+    - `vertices` (n, 3).
+    - `triangles` (t, 3): outward.
+    - `groups` (t,): the base that each triangle is of.
+    - `corners`, `sizes`: rows of the corners of all bases, one after the other, and how many each has.
+    - `name`: of the body.
 
-    Raises
-    ------
-    InputError
-        Where none fits under a face, as the solid there is thinner than rounding.
+    Raises `InputError` where none fits under a face, as the solid there is thinner than rounding.
     """
     local, origin, size = _local(vertices, triangles)
     starts = np.concatenate([[0], np.cumsum(sizes)])

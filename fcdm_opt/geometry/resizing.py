@@ -133,16 +133,8 @@ class Resizing:
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
         """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
 
-        Parameters
-        ----------
-        low, high : (k,) array
-            The box; the factor is at least that for it and 0 together.
-
-        Returns
-        -------
-        list of (float, str)
-            The part keeps its facets, and which of them meet, for sizes of less than the first times the box; the face
-            that would be reached first.
+        The part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
+        `high` (k,): its ends; the factor is at least that for it and 0 together.
         """
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         found = []

@@ -292,7 +292,11 @@ class Size(Plain):
             n = np.array(AXES[selector.removeprefix("+")])
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
         elif "through" in selector:
-            rows = _faces_through(body, np.array(selector["through"]))
+            # in the plane of a face, and in one of its triangles: a facet of a part may span several faces of a plane
+            point, (corners, owners) = np.array(selector["through"]), body.face_triangles
+            n, snap = normals[owners], DEFAULT.snap * body.size
+            on = np.abs(((point - corners[:, 0]) * n).sum(axis=1)) <= snap
+            rows = np.unique(owners[on & hold(corners, n, point[None], snap)[0]])
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
@@ -377,14 +381,3 @@ def direction_level(normal: Array, point: Array) -> str:
     """Return where a face lies: "x = 2" for one across an axis, else its normal and its height along it."""
     word, k = direction(normal), int(np.abs(normal).argmax())
     return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
-
-
-def _faces_through(body: Body, point: Array) -> Ints:
-    """Return the rows of the faces of a body on which a point lies: in their plane, and in one of their triangles.
-
-    A facet of a convex part may span several faces of one plane, and the room between them.
-    """
-    near, (corners, owners) = DEFAULT.snap * body.size, body.face_triangles
-    normals = body.face_planes[0][owners]
-    on = np.abs(((point - corners[:, 0]) * normals).sum(axis=1)) <= near
-    return np.unique(owners[on & hold(corners, normals, point[None], near)[0]])

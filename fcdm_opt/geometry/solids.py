@@ -37,17 +37,11 @@ REMEMBERED = 64  # depths
 
 
 class SolidSurface:
-    """The closed surface of a body's solid, from its seed.
+    """The closed surface of a body's solid, from its seed."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        Each once.
-    triangles : (t, 3) int array
-        Rows of the points, counter-clockwise seen from outside.
-    closed : bool
-        Whether that is one surface, of the solid; else it is that of each convex part, and these may overlap.
-    """
+    points: Array  # each once, (n, 3)
+    triangles: Ints  # rows of the points, counter-clockwise seen from outside, (t, 3)
+    closed: bool  # whether that is one surface, of the solid; else it is that of each part, and these may overlap
 
     def __init__(self, body: Body) -> None:
         if body.triangles:
@@ -209,23 +203,13 @@ def depth_as_drawn(movable: Body, static: Body, rho: Sequence[float] | Array) ->
 
 
 class PlacedSolids:
-    """Two whole solids at a scale pair and pose, in lengths from the static seed.
+    """Two whole solids at a scale pair, (2,), and pose change of body 1, (4, 4), in lengths from the static seed.
 
-    Parameters
-    ----------
-    movable, static : Body
-        Or some of their parts: the whole solids are looked at.
-    rho : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-
-    Attributes
-    ----------
-    complete : bool
-        Whether the bodies given have all of their parts.
-    size : float
-        Largest extent of either.
+    Of bodies of which some parts are given the whole solids are looked at.
     """
+
+    complete: bool  # whether the bodies given have all of their parts
+    size: float  # largest extent of either
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
         self._own = tuple(map(solid_surface, (movable, static)))
@@ -283,12 +267,8 @@ class PlacedSolids:
     def gap(self, of_parts: float, slack: float = 0.0) -> float:
         """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.
 
-        Parameters
-        ----------
-        of_parts : float
-            That of the convex parts of the bodies given, which have all of their surface, or some of it.
-        slack : float
-            Length up to which solids whose surfaces meet are taken to touch.
+        - `of_parts`: that of the convex parts of the bodies given, which have all of their surface, or some of it.
+        - `slack`: length up to which solids whose surfaces meet are taken to touch.
         """
         if of_parts < -slack or self.nested:
             return -max(self.depth, -of_parts, np.finfo(float).tiny)

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.measures import cross, following, norms
 from fcdm_opt.geometry.polygons import Sides, area, components, hold, inside
 from fcdm_opt.tolerances import DEFAULT
@@ -50,9 +50,8 @@ class Surface:
             for face in beside:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
-        order = np.argsort(owners, kind="stable")
-        own = np.split(triangles[order], np.cumsum(np.bincount(owners))[:-1])
-        outlines = tuple(_outline(some.tolist(), face) for some, face in zip(own, faces, strict=True))
+        own = (triangles[some].tolist() for some in groups_of(owners))
+        outlines = tuple(_outline(some, face) for some, face in zip(own, faces, strict=True))
         rows = np.array(list(edges), np.int64).reshape(-1, 2)
         return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
 

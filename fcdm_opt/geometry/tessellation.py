@@ -207,16 +207,10 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
 
     And the round surfaces, with their faces.
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Triangles of the faces, wound outwards.
-    owners : (t,) int array
-        The face that each is of.
-    count : int
-        How many faces there are.
-    surfaces : Surfaces
-        A triangle is of a plane that it lies in, else of each that its corners are on and that looks its way.
+    - `corners` (t, 3, 3): triangles of the faces, wound outwards.
+    - `owners` (t,): the face that each is of.
+    - `count`: how many faces there are.
+    - `surfaces`: a triangle is of a plane that it lies in, else of each that its corners are on and that looks its way.
     """
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(norms(normals), _TINY)[:, None]

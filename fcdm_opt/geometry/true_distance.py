@@ -75,20 +75,15 @@ class FacePieces(NamedTuple):
         trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
         return self._replace(errors=errors + TRIM * trimmed)
 
-    def in_holes(self, faces: TrueFaces) -> Flags:
-        """Tell which triangles of plane faces are between a chord of a hole's rim and the rim: nothing is there."""
-        found, near = np.zeros(len(self.corners), bool), DEFAULT.tie * faces.body.size
-        for plane, hole in faces.rims:
-            rows = np.flatnonzero(self.patches == plane)
-            found[rows] |= faces.in_hole(plane, hole, self.corners[rows], near)
-        return found
-
     def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
         """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of.
 
         A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
         """
-        there = ~self.in_holes(faces)
+        there = np.ones(len(self.corners), bool)
+        for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
+            rows = np.flatnonzero(self.patches == plane)
+            there[rows] &= ~faces.in_hole(plane, hole, self.corners[rows], DEFAULT.tie * faces.body.size)
         found, of, near = self.only(there), np.flatnonzero(there), faces.slack
         for plane, hole in faces.rims:
             rim = faces.patches[hole].surface
@@ -202,17 +197,10 @@ class PoseDerivatives(NamedTuple):
 class FacesApart:
     """Two bodies at scale 1 that are apart, in pieces that are cut further with each question.
 
-    Parameters
-    ----------
-    faces : (TrueFaces, TrueFaces)
-    most : int
-        Pairs of pieces that are looked at, over all questions.
-
-    Attributes
-    ----------
-    remaining : int
-        Pairs of pieces that may still be looked at; below 0 nothing is shown any more.
+    `most`: pairs of pieces that are looked at, over all questions.
     """
+
+    remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
     def __init__(self, faces: Sequence[TrueFaces], most: int = MOST) -> None:
         self._faces = faces

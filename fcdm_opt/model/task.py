@@ -250,15 +250,10 @@ class Task:
     ) -> dict[str, int]:
         """Return the counts of a program: the same keys whatever the stage; none kept without a program.
 
-        Parameters
-        ----------
-        kept : collection of (i, j)
-            Part pairs in it.
-        variables, constraints : int
-            Its unknowns, and its rows besides the limits of variables.
-        features : int
-            Pairs of elements that its rows are made of, and vertices held by separating planes; in all there are
-            `features`.
+        - `kept`, collection of (i, j): part pairs in it.
+        - `variables`, `constraints`: its unknowns, and its rows besides the limits of variables.
+        - `features`: pairs of elements that its rows are made of, and vertices held by separating planes; in all there
+          are `features`.
         """
         keep_outs = {self.obstacles[j].keep_out for _, j in kept} - {-1}
         return {
@@ -641,16 +636,13 @@ class Task:
         return found
 
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
-        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(
-            whole is None or whole == self._support(feature, pose, rho)
-            for whole, feature in zip(self.flush, tracked, strict=False)
-        )
-
-    def _support(self, feature: Tracked, pose: Array, rho: Array) -> Feature:
-        """Return what touches along a tracked feature's normal."""
-        one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
-        contact = supporting_contact(one, two, feature.normal, pose)
-        return located(one, two, pose, contact, rho).feature
+        for whole, feature in zip(self.flush, tracked, strict=False):
+            one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
+            if whole is not None:
+                contact = supporting_contact(one, two, feature.normal, pose)
+                if whole != located(one, two, pose, contact, rho).feature:
+                    return False
+        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.

@@ -133,19 +133,9 @@ def with_parts_met_along(
 ) -> tuple[Problem, float]:
     """Return the problem with parts active that may touch next after some motion q = x * along, low <= x <= high.
 
-    Parameters
-    ----------
-    problem : Problem
-    along : (k,) array
-    near : callable
-        Takes both ends of a stretch of x; returns the scale pair in its middle, and how near parts are there at most
-        that touch anywhere on it. Stretches are halved until that is not far.
-    low, high : float
-
-    Returns
-    -------
-    problem, x
-        The same problem where no more parts may touch, and up to where that is so.
+    The same problem where no more parts may touch; and up to which x that is so. `near` takes both ends of a stretch of
+    x; it returns the scale pair in its middle, and how near parts are there at most that touch anywhere on it.
+    Stretches are halved until that is not far.
     """
     stretches, least = [(low, high)] if problem.partial and high > low else [], DEFAULT.point * high
     while stretches:
@@ -173,16 +163,10 @@ def expand_active_parts(
 ) -> Problem | None:
     """Return the problem with further parts that an answer shows to matter; None where no others do.
 
-    Parameters
-    ----------
-    problem : Problem
-    transform : (4, 4) array or None
-        The pose that was found; None where none was.
-    amount : float
-        The amount of the motion to it. Of goals that want a contact, whichever, parts that may touch after a smaller
-        motion matter too; infinite where there is none.
-    most : int
-        Pairs of parts that are taken up for one reason, the worst first.
+    - `transform` (4, 4): the pose that was found; None where none was.
+    - `amount`: the amount of the motion to it. Of goals that want a contact, whichever, parts that may touch after a
+      smaller motion matter too; infinite where there is none.
+    - `most`: pairs of parts that are taken up for one reason, the worst first.
     """
     known = problem.active_indices
     if known is None:

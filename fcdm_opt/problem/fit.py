@@ -170,7 +170,8 @@ def holds(problem: Problem) -> bool:
     """
     if kept_as_surface(*drawn_bodies(problem)) and overlap_as_drawn(problem) > 1.0:
         return False
-    return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+    each = (_walls(problem, most)[0] for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+    return any(len(own) > 0 and _most_room(own, np.zeros(len(own)))[0] <= DEFAULT.partition for own in each)
 
 
 def overlap_as_drawn(problem: Problem) -> float:
@@ -178,11 +179,6 @@ def overlap_as_drawn(problem: Problem) -> float:
     drawn = drawn_bodies(problem)
     solids = PlacedSolids(*drawn, problem.nominal_pair, REST)
     return (solids.depth or -solids.distance) / (HAIR * min(body.size for body in drawn))
-
-
-def _enclose(normals: Array) -> bool:
-    """Tell whether 0 is among unit normals, (k, 3): none leads away from all; false without any."""
-    return bool(len(normals)) and _most_room(normals, np.zeros(len(normals)))[0] <= DEFAULT.partition
 
 
 def _most_room(normals: Array, gaps: Array) -> tuple[float, Array]:
