@@ -40,7 +40,10 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         for k in own:
             pieces = [walls.loops[k]] if outline is None else []
             if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
-                pieces = [_added(corners, piece) for piece in exposed[k]]
+                pieces = []
+                for piece in exposed[k]:
+                    pieces.append(tuple(range(len(corners), len(corners) + len(piece))))
+                    corners += list(piece)
             made = [fans([piece]) for piece in pieces]
             triangles += made
             normals += [walls.normals[k]] * sum(map(len, made))
@@ -57,12 +60,6 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         edges, hidden = _true_edges(points, hulls, known, places[rows], np.array(normals), owner, walls.slack)
     named, outlines = owner < len(faces), tuple(map(tuple, faces))
     return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
-
-
-def _added(corners: list[Array], piece: Array) -> tuple[int, ...]:
-    """Add the corners of a convex polygon; return their rows."""
-    corners += list(piece)
-    return tuple(range(len(corners) - len(piece), len(corners)))
 
 
 class _Walls:

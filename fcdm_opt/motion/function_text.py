@@ -222,13 +222,10 @@ class _Reader:
         return str(self._take(f"<{self._int()}s")[0].decode())
 
     def _list(self, read: Callable[[], T]) -> list[T]:
-        return [read() for _ in range(self._length())]
-
-    def _length(self) -> int:
         length = self._long()
         if not 0 <= length <= len(self._bytes):
             raise ValueError(f"a list of {length}")
-        return length
+        return [read() for _ in range(length)]
 
     # ------------------------------------------------------------------------------------------------- what is refused
 

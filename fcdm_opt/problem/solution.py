@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, cast, get_args
 
 import numpy as np
 
@@ -310,10 +310,6 @@ class _WhenRead:
         vars(solution)[self._name] = value
 
 
-def _when_read() -> Any:
-    return _WhenRead()
-
-
 def nearest_miss(problem: Problem) -> str:
     """Return what lacks at the nearest pose that a search finds, in words; "" where the time does not last."""
     return str(pacing.in_time(imported("design.fixed_pose.nearest_miss:nearest_miss"), problem, late=""))
@@ -326,8 +322,8 @@ class Bounded(Plain, NotebookRepr):
     status: Status
     amount: float = float("nan")
     lower_bound: float = 0.0
-    amount_low: float = _when_read()
-    amount_high: float = _when_read()
+    amount_low: float = cast("Any", _WhenRead())
+    amount_high: float = cast("Any", _WhenRead())
     active: tuple[str, ...] = ()
     stopped: str = ""
     certificate: Certificate | None = field(default=None, repr=False)
