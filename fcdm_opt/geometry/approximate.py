@@ -27,27 +27,12 @@ BLOCK = 1 << 22  # products of points and planes worked out at a time
 
 
 def approximate(mesh: Mesh) -> tuple[Array, tuple[Ints, ...], tuple[float, float]]:
-    """Return convex parts that are about the solid inside a mesh.
+    """Return convex parts that are about the solid inside a mesh; raises `InputError` where CoACD is not installed.
 
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    points : (m, 3) array
-        The mesh's vertices first.
-    parts : tuple of int arrays
-        Rows of `points` whose hulls the parts are.
-    deviation : (float, float)
-        Upper bounds: of the distance of any point on a part's surface from the solid, and of the distance of any point
-        on the mesh from the parts. Where they are not the truth they are at most `FINEST` of the size, or larger by
-        `SHARE` of themselves; larger still for meshes of very many triangles.
-
-    Raises
-    ------
-    InputError
-        Where CoACD is not installed.
+    Points, (m, 3), the mesh's vertices first; their rows whose hulls the parts are; and two upper bounds: of the
+    distance of any point on a part's surface from the solid, and of the distance of any point on the mesh from the
+    parts. Where these are not the truth they are at most `FINEST` of the size, or larger by `SHARE` of themselves;
+    larger still for meshes of very many triangles.
     """
     coacd = extra("coacd", "coacd", key=f"body '{mesh.name}': decomposition", found="coacd")
     used = np.unique(mesh.triangles)

@@ -12,7 +12,7 @@ from functools import cached_property, wraps
 from itertools import combinations
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, cast
+from typing import Any, Concatenate, Literal, NamedTuple, ParamSpec, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -50,6 +50,7 @@ from fcdm_opt.tolerances import DEFAULT
 SeedRule = Literal["centroid", "vertices", "box"]
 Seed = SeedRule | Sequence[float] | NDArray[Any]
 Known = TypeVar("Known")
+Asked = ParamSpec("Asked")
 SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in single precision: eight roundings
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
@@ -69,42 +70,41 @@ class _Sealed:
         self.__dict__.update(state)
 
 
-def cached_per_body(work: Callable[[Body], Known]) -> Callable[[Body], Known]:
+def cached_per_body(work: Callable[Concatenate[Body, Asked], Known]) -> Callable[Concatenate[Body, Asked], Known]:
     """Let what a function finds of a body be kept as long as the body is there."""
-    known: WeakKeyDictionary[Body, Known] = WeakKeyDictionary()
+    known: WeakKeyDictionary[Body, dict[Any, Known]] = WeakKeyDictionary()
 
     @wraps(work)
-    def found(body: Body) -> Known:
-        if body not in known:
-            known[body] = work(body)
-        return known[body]
+    def found(body: Body, *asked: Asked.args, **options: Asked.kwargs) -> Known:
+        own, key = known.setdefault(body, {}), (asked, *options.items())
+        if key not in own:
+            own[key] = work(body, *asked, **options)
+        return own[key]
+
+    return found
+
+
+def cached_of_whole(work: Callable[Concatenate[Body, Asked], Known]) -> Callable[Concatenate[Body, Asked], Known]:
+    """Let it be kept, of the body with all parts where some of them are given."""
+    kept = cached_per_body(work)
+
+    @wraps(work)
+    def found(body: Body, *asked: Asked.args, **options: Asked.kwargs) -> Known:
+        return kept(body.full_body or body, *asked, **options)
 
     return found
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart(_Sealed):
-    """One convex part of a body: the hull of `vertices`, with its faces, edges and half-edges.
+    """One convex part of a body: the hull of `vertices`, with its faces, edges and half-edges."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-        Extreme points, in the body's frame (as drawn), in the order of the input.
-    seed : (3,) array
-        Seed of the body.
-    loops : tuple of tuples of int
-        Vertex indices of each face, counter-clockwise seen from outside.
-    edges : (m, 4) int array
-        `origin, end, left face, right face`: the left face's loop runs from origin to end.
-    elements : mapping
-        "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to, read-only. An edge or vertex
-        that a cut between parts makes on a true face carries that face.
-    """
-
-    vertices: Array
-    seed: Array
-    loops: tuple[tuple[int, ...], ...]
-    edges: Ints
+    vertices: Array  # extreme points, in the body's frame (as drawn), in the order of the input, (n, 3)
+    seed: Array  # seed of the body, (3,)
+    loops: tuple[tuple[int, ...], ...]  # vertex indices of each face, counter-clockwise seen from outside
+    edges: Ints  # `origin, end, left face, right face`: the left face's loop runs from origin to end, (m, 4)
+    # "V", "E", "F" -> the body's own element that each vertex, edge, face belongs to, read-only. An edge or vertex that
+    # a cut between parts makes on a true face carries that face
     elements: Elements = field(repr=False)
 
     @cached_property
@@ -202,37 +202,19 @@ class ConvexPart(_Sealed):
 
 
 class PointPiece(NamedTuple):
-    """A small convex piece of the true solid at a point of its round faces: there the body is exact.
+    """A small convex piece of the true solid at a point of its round faces: there the body is exact."""
 
-    Attributes
-    ----------
-    first, last : int
-        Labels of its vertices: of the point, and of the one that is inside.
-    rows : tuple of int
-        The faces of the body of facets that meet at the point, a round one first.
-    normals : (k, 3) array
-        Outward normals of the true faces there.
-    """
-
-    first: int
+    first: int  # labels of its vertices: of the point, and of the one that is inside
     last: int
-    rows: tuple[int, ...]
-    normals: Array
+    rows: tuple[int, ...]  # the faces of the body of facets that meet at the point, a round one first
+    normals: Array  # outward normals of the true faces there, (k, 3)
 
 
 class ExactPoints(NamedTuple):
-    """How a body was made that is exact at points of round faces and elsewhere within the true one.
+    """How a body was made that is exact at points of round faces and elsewhere within the true one."""
 
-    Attributes
-    ----------
-    facets : Body
-        The body of facets that it stands for.
-    pieces : tuple of PointPiece
-        Of the last parts of the body, one each.
-    """
-
-    facets: Body
-    pieces: tuple[PointPiece, ...]
+    facets: Body  # the body of facets that it stands for
+    pieces: tuple[PointPiece, ...]  # of the last parts of the body, one each
 
 
 @known_arguments
@@ -359,12 +341,10 @@ class Body(_Sealed, NotebookRepr):
             two parts turn to each other are seams.
         seed : {"centroid", "vertices", "box"} or (3,) array
             As in `convex`; it may lie outside a part. "centroid" needs parts that do not overlap.
-        name : str
-            Used in messages and pictures.
         deviation : (float, float)
             Lengths by which the parts stick out of the solid that they stand for, and fall short of it, at most.
-        unit : "m", "cm", "mm", "um", "in", "ft" or ""
-            Of the coordinates, see the attribute.
+        name, unit
+            As in `convex`.
 
         Raises
         ------
@@ -408,12 +388,8 @@ class Body(_Sealed, NotebookRepr):
             How a non-convex solid is made of convex parts: cut exactly at its reflex edges; its surface alone, one
             pyramid under each face, which "auto" takes where cutting would take long; or approximately by CoACD. A
             convex solid is one part.
-        seed : {"centroid", "vertices", "box"} or (3,) array
+        seed, name, unit
             As in `convex`.
-        name : str
-            Used in messages and pictures.
-        unit : "m", "cm", "mm", "um", "in", "ft" or ""
-            Of the coordinates, see the attribute.
 
         Raises
         ------
@@ -794,14 +770,10 @@ def as_body(
     x : Body, trimesh.Trimesh, (vertices, faces), coal.Convex or coal BVH model
         A body comes back as it is, with its own seed, name and unit. A `coal.Convex` is the hull of its points; coal's
         other shapes are approximated by nothing here. Units are those of the numbers.
-    seed : {"centroid", "vertices", "box"} or (3,) array
-        See `Body.convex`.
-    name : str
-        Used in messages and pictures.
+    seed, name, unit
+        As in `Body.convex`.
     decomposition : {"auto", "exact", "surface", "coacd"}
         See `Body.from_mesh`.
-    unit : "m", "cm", "mm", "um", "in", "ft" or ""
-        See `Body.convex`.
 
     Raises
     ------
@@ -952,8 +924,6 @@ def _seed(seed: Any, points: Array, parts: Sequence[ConvexPart], name: str) -> A
 
 def _parts_overlap(parts: Sequence[ConvexPart]) -> bool:
     """Tell whether interiors of two parts meet: the largest ball inside both, by linear programming."""
-    if len(parts) == 1:
-        return False
     for one, two in combinations(parts, 2):
         slack = DEFAULT.partition * np.ptp(np.vstack([one.vertices, two.vertices]), axis=0).max()
         if _separates(one, two, slack) or _separates(two, one, slack):

@@ -46,20 +46,12 @@ class Facet(NamedTuple):
 class Arrangement:
     """Points and planes, and on which side of each plane each point lies. Both are added to, none is changed.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-        The first points.
-    used : (k,) int array
-        Those of them that count for the size.
-
-    Attributes
-    ----------
-    exact : list of tuples
-        The same as drawn, as rationals.
-    normals, levels : (p, 3) and (p,) arrays
-        Unit normals of the planes, and their products with points of them, as in `local`.
+    `vertices` (n, 3): the first points. `used` (k,): those of them that count for the size.
     """
+
+    exact: list[Point]  # the points as drawn, as rationals
+    normals: Array  # unit normals of the planes, (p, 3), and their products with points of them, as in `local`, (p,)
+    levels: Array
 
     def __init__(self, vertices: Array, used: Ints) -> None:
         spread = vertices - vertices[used[0]]

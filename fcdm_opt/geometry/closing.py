@@ -21,27 +21,13 @@ SHOWN = 3  # places that a message names
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Polygons on their way to a closed surface.
+    """Polygons on their way to a closed surface."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        Scaled by a power of two to a size near 1.
-    unit : int
-        That power: a point as given is 2^unit times the one here.
-    polygons : tuple of tuples of int
-        Rows of `points`.
-    numbers : tuple of int
-        Their places among the faces as given.
-    repairs : tuple of str
-        What was repaired so far.
-    """
-
-    points: Array
-    unit: int
-    polygons: tuple[Polygon, ...]
-    numbers: tuple[int, ...]
-    repairs: tuple[str, ...] = ()
+    points: Array  # scaled by a power of two to a size near 1, (n, 3)
+    unit: int  # that power: a point as given is 2^unit times the one here
+    polygons: tuple[Polygon, ...]  # rows of `points`
+    numbers: tuple[int, ...]  # their places among the faces as given
+    repairs: tuple[str, ...] = ()  # what was repaired so far
 
     def kept(self, places: Sequence[int], *repairs: str) -> Faces:
         """Return these faces only, with a remark on why the others were left out."""
@@ -72,18 +58,8 @@ def listed(names: Sequence[str], one: str, many: str) -> str:
 def closed(faces: Faces, slack: float, key: str) -> Faces:
     """Return faces that make a closed, consistently wound surface.
 
-    Parameters
-    ----------
-    faces : Faces
-    slack : float
-        Length below which points count as one.
-    key : str
-        Names the body in messages.
-
-    Raises
-    ------
-    InputError
-        Where no certain repair closes the surface; names edges and faces.
+    `slack`: length below which points count as one. `key`: names the body in messages. Raises `InputError` where no
+    certain repair closes the surface; names edges and faces.
     """
     faces = _with_area(faces, slack)
     readings = list[Faces]()

@@ -31,8 +31,7 @@ BLOCK = 4096  # directions that are looked at together: what they take stays in 
 MOST_PAIRS = 4096  # part pairs whose separations along face normals are looked at
 MOST = 200  # vertices taken up in the search for the nearest points; a few for each face that holds them
 
-Rows = tuple[Any, Any]
-"""Which faces or edges of part 1, and of part 2."""
+Rows = tuple[Any, Any]  # which faces or edges of part 1, and of part 2
 ALL: Rows = slice(None), slice(None)
 
 
@@ -51,10 +50,7 @@ class Direction(NamedTuple):
 class PerPair(threading.local):
     """What is worked out once for two bodies: kept as long as both are, for each thread its own.
 
-    Parameters
-    ----------
-    build : callable
-        Makes it from body 1 and body 2; it must not hold the bodies themselves, or they would never go.
+    `build`: makes it from body 1 and body 2; it must not hold the bodies themselves, or they would never go.
     """
 
     def __init__(self, build: Callable[[Body, Body], Any]) -> None:
@@ -134,23 +130,14 @@ class ScaledPair:
         return float(self.signed_distances(np.asarray(rho)[None], transform[None])[0])
 
     def signed_distances(self, pairs: ArrayLike, transforms: Array, *, settled: Flags | None = None) -> Array:
-        """Return the least signed distance over the part pairs.
+        """Return the least signed distance over the part pairs, (k,), length units.
 
-        Parameters
-        ----------
-        pairs : (k, 2)
-            Scales, all positive.
-        transforms : (k, 4, 4) array
-            Pose changes of body 1, world frame.
-        settled : (k, parts 1, parts 2) array of bool, optional
-            Part pairs that are not asked about.
+        The Euclidean distance if apart, minus the penetration depth of the deepest part pair if overlapping; infinite
+        where all part pairs are settled; nan if coal cannot tell, and where scales or pose are none.
 
-        Returns
-        -------
-        (k,) array
-            Length units: the Euclidean distance if apart, minus the penetration depth of the deepest part pair if
-            overlapping; infinite where all part pairs are settled; nan if coal cannot tell, and where scales or pose
-            are none.
+        - `pairs` (k, 2): scales, all positive.
+        - `transforms` (k, 4, 4): pose changes of body 1, world frame.
+        - `settled` (k, parts 1, parts 2), optional: part pairs that are not asked about.
         """
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
@@ -167,12 +154,7 @@ class ScaledPair:
         Of part pairs that the spheres about them leave in doubt, from explicit vertices: positive exactly where they
         are apart, and then at most their distance, minus the penetration depth otherwise; nan for very large parts.
 
-        Parameters
-        ----------
-        pairs : (k, 2)
-            Scales, all positive.
-        transforms : (k, 4, 4) array
-            Pose changes of body 1, world frame.
+        `pairs` (k, 2): scales, all positive. `transforms` (k, 4, 4): pose changes of body 1, world frame.
         """
         frames = self._framed(pairs, transforms)
         return judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * frames[:, judging.UNIT]

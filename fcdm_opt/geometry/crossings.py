@@ -38,13 +38,8 @@ class Crossing(NamedTuple):
 def first_crossing(points: Array, triangles: Ints, slack: float) -> Crossing | None:
     """Return a pair of triangles that cross or overlap by more than `slack`, or None.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array
-        Of some height each, and no two with the same corners.
-    slack : float
-        Length up to which what two triangles have in common counts as a point.
+    `points` (n, 3). `triangles` (t, 3): of some height each, and no two with the same corners. `slack`: length up to
+    which what two triangles have in common counts as a point.
     """
     unclear = (pairs for find in (_folded, _crossing_cones, _crossing_apart) for pairs in find(points, triangles))
     for one, two in unclear:

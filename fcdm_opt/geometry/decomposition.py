@@ -41,59 +41,31 @@ LARGER = 2  # times as many parts as the partition that a cover may have
 
 @dataclass(frozen=True, eq=False)
 class Decomposition:
-    """Convex parts whose union is a solid.
-
-    Attributes
-    ----------
-    method : "convex", "exact", "surface" or "coacd"
-    why : str
-        What was chosen, and why.
-    points : (m, 3) array
-        The mesh's vertices first, then those that cuts made.
-    parts : tuple of int arrays
-        Rows of `points` whose hulls the parts are.
-    surface : Surface or None
-        The solid's true faces and edges; None where they are those of the parts.
-    cover : bool
-        Whether the parts may overlap and all hold the seed; else they are a partition.
-    deviation : (float, float)
-        Lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact.
-    made : Pyramids or None
-        Of method "surface": the parts, which are all of the surface but not all of the solid.
-    """
+    """Convex parts whose union is a solid."""
 
     method: Literal["convex", "exact", "surface", "coacd"]
-    why: str
-    points: Array
-    parts: tuple[Ints, ...]
-    surface: Surface | None = None
-    cover: bool = False
+    why: str  # what was chosen, and why
+    points: Array  # the mesh's vertices first, then those that cuts made, (m, 3)
+    parts: tuple[Ints, ...]  # rows of `points` whose hulls the parts are
+    surface: Surface | None = None  # the solid's true faces and edges; None where they are those of the parts
+    cover: bool = False  # whether the parts may overlap and all hold the seed; else they are a partition
+    # lengths by which the parts stick out of the mesh, and fall short of it, at most; (0.0, 0.0) where exact
     deviation: tuple[float, float] = (0.0, 0.0)
+    # of method "surface": the parts, which are all of the surface but not all of the solid
     made: Pyramids | None = None
 
 
 def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposition:
-    """Return convex parts whose union is the solid inside a mesh.
+    """Return convex parts whose union is the solid inside a mesh: one, whatever the method, where that is convex.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    seed : (3,) array
-        If the solid is star-shaped about it, parts that all hold it are preferred: each part pair's curve then falls.
-    method : {"auto", "exact", "surface", "coacd"}
-        "exact": cuts at reflex edges; the volumes of a partition add up to the mesh's. "surface": a pyramid under each
-        face, which are all of the surface. "coacd": CoACD's approximate parts (extra `coacd`), with their measured
-        deviation. "auto": "exact" up to `MOST_WORK` reflex edges times triangles, "surface" above.
+    - `seed` (3,): if the solid is star-shaped about it, parts that all hold it are preferred: each part pair's curve
+      then falls.
+    - `method`: "exact" cuts at reflex edges; the volumes of a partition add up to the mesh's. "surface": a pyramid
+      under each face, which are all of the surface. "coacd": CoACD's approximate parts (extra `coacd`), with their
+      measured deviation. "auto": "exact" up to `MOST_WORK` reflex edges times triangles, "surface" above.
 
-    Returns
-    -------
-    Decomposition
-        One part, whatever the method, where the solid is convex.
-
-    Raises
-    ------
-    InputError
-        For an unknown method, for "coacd" where it is not installed, and where the surface bounds no solid.
+    Raises `InputError` for an unknown method, for "coacd" where it is not installed, and where the surface bounds no
+    solid.
     """
     key = f"body '{mesh.name}'"
     if method not in METHODS:
@@ -118,7 +90,12 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
         else:
             exact = _exact(mesh, seed, known, thoroughly=works[0] <= MOST_FOR_RULES, most=most)
     asked = "asked for" if method == "surface" else f"{known} and {len(mesh.triangles)} triangles"
-    return _under_faces(mesh, asked) if exact is None else exact
+    if exact is not None:
+        return exact
+    made = pyramids(mesh.vertices, mesh.triangles, mesh.name)
+    why = f"{len(made.hulls)} parts, one under each face ({asked}): all of the surface, and nothing beyond it"
+    rows = tuple(frozen(np.sort(hull.used), np.int64) for hull in made.hulls)
+    return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
 def by_features(mesh: Mesh, rule: int) -> Decomposition:
@@ -133,13 +110,6 @@ def by_features(mesh: Mesh, rule: int) -> Decomposition:
     points, parts = _numbered(solid.space, len(mesh.vertices), cells)
     why = f"{len(cells)} parts side by side, exactly the solid: cut between its features, which change their sizes"
     return Decomposition("exact", why, frozen(points), parts, solid.surface(mesh))
-
-
-def _under_faces(mesh: Mesh, asked: str) -> Decomposition:
-    made = pyramids(mesh.vertices, mesh.triangles, mesh.name)
-    why = f"{len(made.hulls)} parts, one under each face ({asked}): all of the surface, and nothing beyond it"
-    rows = tuple(frozen(np.sort(hull.used), np.int64) for hull in made.hulls)
-    return Decomposition("surface", why, frozen(made.points), rows, made.surface, made=made)
 
 
 def _solids(mesh: Mesh) -> list[tuple[Mesh, Ints]]:

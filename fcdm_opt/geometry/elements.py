@@ -34,10 +34,7 @@ class Element(NamedTuple):
 class Elements(Mapping[str, Sequence[Element]]):
     """The body's own element that each vertex, edge and face of a part belongs to, by kind "V", "E" and "F": read-only.
 
-    Attributes
-    ----------
-    spans : mapping
-        (kind, index) of an edge or face of the part that lies on several of the body's own -> `Span`.
+    `spans`: (kind, index) of an edge or face of the part that lies on several of the body's own -> `Span`.
     """
 
     def __init__(
@@ -75,30 +72,17 @@ class _Named(Sequence[Element]):
 
 
 class Span(NamedTuple):
-    """The body's own elements that one edge or face of a part lies on, which of them depends on the place.
+    """The body's own elements that one edge or face of a part lies on, which of them depends on the place."""
 
-    Attributes
-    ----------
-    corners : (n, 3) array
-        Of the part's edge or face, in the order of its ends or loop, as drawn.
-    elements : tuple of Element
-    regions : tuple of (k, c, 3) arrays
-        For each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn.
-    """
-
-    corners: Array
+    corners: Array  # of the part's edge or face, in the order of its ends or loop, as drawn, (n, 3)
     elements: tuple[Element, ...]
+    # for each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn, each (k, c, 3)
     regions: tuple[Array, ...]
 
     def at(self, corners: Array, points: Array) -> list[Element]:
         """Return the element at each of some points of the part's edge or face.
 
-        Parameters
-        ----------
-        corners : (n, 3) array
-            The corners where they are now: moved and scaled together.
-        points : (m, 3) array
-            In the same place.
+        `corners` (n, 3): the corners where they are now: moved and scaled together. `points` (m, 3): in the same place.
         """
         shares = np.linalg.lstsq((corners[1:] - corners[0]).T, (points - corners[0]).T)[0].T
         drawn = self.corners[0] + shares @ (self.corners[1:] - self.corners[0])
@@ -118,24 +102,14 @@ def own_elements(
 ) -> tuple[Faces, list[Elements]]:
     """Return the body's faces and, for each part, the body's element that each vertex, edge, face belongs to.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    hulls : list of Hull
-        The parts.
-    given : lists of rows, optional
-        The body's faces.
-    name : str
-        Of the body.
-    surface : Surface, optional
-        The body's faces and edges, where they are known better than from the parts.
-    apart : bool
-        Every element of a part is the body's own: of approximate parts, which do not fit together.
+    - `points` (n, 3).
+    - `hulls`: the parts.
+    - `given`, optional: the body's faces.
+    - `name`: of the body.
+    - `surface`, optional: the body's faces and edges, where they are known better than from the parts.
+    - `apart`: every element of a part is the body's own: of approximate parts, which do not fit together.
 
-    Raises
-    ------
-    InputError
-        Where a given face is no face of the body, or only a piece of one.
+    Raises `InputError` where a given face is no face of the body, or only a piece of one.
     """
     if given is None and surface is None and (apart or len(hulls) == 1):
         named = [_labels(hull.used, hull.loops) for hull in hulls]

@@ -33,11 +33,7 @@ PUSHES = 60  # by which a point is brought into the material
 def exact_at(body: Body, points: Array) -> Body | None:
     """Return a body within the true one that reaches points of its round faces; None where no such body is known.
 
-    Parameters
-    ----------
-    body : Body
-    points : (n, 3) array
-        As drawn; one near no round face or its edge changes nothing.
+    `points` (n, 3): as drawn; one near no round face or its edge changes nothing.
     """
     found = bounding_bodies(body)
     if found is None:

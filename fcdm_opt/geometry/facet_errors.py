@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen, groups_of
-from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_per_body
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen
+from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, unit_normals, units
@@ -31,6 +31,7 @@ from fcdm_opt.geometry.naming import (
     normals_of_faces,
     round_faces,
     rows_at,
+    side_by_side,
 )
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
@@ -138,7 +139,7 @@ def _of_round_faces(body: Body) -> _OfRound | None:
         its = place[owners]
         found = np.zeros((len(rows), 2))
         np.maximum.at(found, its[its >= 0], own.surface.offsets(corners[its >= 0]))
-        for group in _groups(pairs[gentle], len(rows)):
+        for group in side_by_side(pairs[gentle], FEWEST):
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & ~_flats(most)]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
@@ -153,11 +154,6 @@ def _even(body: Body, own: Round, errors: Array, normals: dict[Label, Array]) ->
     pairs = neighbours(kept)[0]
     turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
     return own.surface, tuple(body.face_rows[face] for face in kept if turned.min(initial=1.0) > GENTLE)
-
-
-def _groups(pairs: Ints, count: int, fewest: int = FEWEST) -> list[Ints]:
-    """Return the groups of so many facets at least that pairs join."""
-    return [own for own in groups_of(components(pairs, count)) if len(own) >= fewest] if count else []
 
 
 def _flats(errors: Array) -> Flags:
@@ -194,7 +190,7 @@ def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple
     np.maximum.at(most, one, errors[two])  # where bends change their sign none is seen
     errors = np.max([errors, np.where(np.isinf(least), 0.0, least), most / ALIKE], axis=0)
     telling = np.array([1.0 if len(face) > 3 else 1.0 / 3.0 for face in faces])  # triangles turn as bends let them
-    for own in _groups(pairs, len(faces), STRIP):
+    for own in side_by_side(pairs, STRIP):
         most = errors[own].max(axis=1)
         if telling[own].sum() >= STRIP:
             kept.append(own[~_flats(most)])
@@ -215,17 +211,11 @@ def _bent(
     changes evenly on a smooth face, with uneven chords and through an inflection too, and jumps from turn to turn of a
     polygon.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    faces : list of tuple of int
-        Numbers of the corners of each facet, from 1.
-    looks : (f, 3) array
-        Their unit normals.
-    pairs, ends : (m, 2) arrays of int
-        Which of them meet, and in which rows of points.
-    group : (f,) array of int
-        Which facets may be of one smooth face.
+    - `points` (n, 3).
+    - `faces`: numbers of the corners of each facet, from 1.
+    - `looks` (f, 3): their unit normals.
+    - `pairs`, `ends` (m, 2): which of them meet, and in which rows of points.
+    - `group` (f,): which facets may be of one smooth face.
     """
     count, first = len(faces), units(cross(looks, np.eye(3)[np.abs(looks).argmin(axis=1)]))
     frames = np.stack([first, cross(looks, first)], axis=1)
@@ -293,16 +283,12 @@ def _squared(form: Array, steps: Array) -> Array:
     return a * x * x + 2.0 * b * x * y + c * y * y
 
 
+@cached_of_whole
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     """Return a body that the true one holds, and one that holds it; the body itself where its faces are true.
 
     None where none are known.
     """
-    return _bounding_bodies(body.full_body or body)
-
-
-@cached_per_body
-def _bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     errors = facet_errors(body)
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
     return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])

@@ -18,17 +18,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class Facets:
-    """The facets of a body's parts: of parts that are its surface alone the bases, of others all.
+    """The facets of a body's parts: of parts that are its surface alone the bases, of others all."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        From the seed.
-    triangles : (t, 3) int array
-        Rows of the points, counter-clockwise seen from outside.
-    owners : (t,) int array
-        The part that each is of.
-    """
+    points: Array  # from the seed, (n, 3)
+    triangles: Ints  # rows of the points, counter-clockwise seen from outside, (t, 3)
+    owners: Ints  # the part that each is of, (t,)
 
     def __init__(self, body: Body) -> None:
         loops = [part.loops for part in body.parts]
@@ -45,22 +39,13 @@ facets_of = cached_per_body(Facets)
 
 
 class NearFacets(NamedTuple):
-    """Pairs of facets that may be within a distance of each other.
+    """Pairs of facets that may be within a distance of each other."""
 
-    Attributes
-    ----------
-    parts : (k, 2) int array
-        The part of either body that they are of.
-    heights : (k, 2) array
-        How far the second is before the plane of the first, and the first before that of the second, at least;
-        negative where it reaches through the plane.
-    corners : (k, 2, 3, 3) array
-        Of both triangles.
-    """
-
-    parts: Ints
+    parts: Ints  # the part of either body that they are of, (k, 2)
+    # (k, 2): how far the second is before the plane of the first, and the first before that of the second, at least;
+    # negative where it reaches through the plane
     heights: Array
-    corners: Array
+    corners: Array  # of both triangles, (k, 2, 3, 3)
 
     def some(self, rows: Flags) -> NearFacets:
         """Return some of the pairs."""
@@ -74,18 +59,13 @@ class NearFacets(NamedTuple):
         Exact for shifts along one line: facets of the triangles' difference are parallel to one of them, or to a side
         of each.
 
-        Parameters
-        ----------
-        shifts : (m, 3) array
-            How far the first facet is displaced by a unit of each way to move it; none where it turns, too.
-        fastest : float
-            How far a unit displaces it at most, where there are no `shifts`.
-        slack : float
-            Length up to which facets count as touching.
-        enough : float
-            Of pairs that need as much it is not asked how much more.
-        along : (3,) array, optional
-            The one line of all shifts: facets that it leads past each other need more than any amount.
+        - `shifts` (m, 3): how far the first facet is displaced by a unit of each way to move it; none where it turns,
+          too.
+        - `fastest`: how far a unit displaces it at most, where there are no `shifts`.
+        - `slack`: length up to which facets count as touching.
+        - `enough`: of pairs that need as much it is not asked how much more.
+        - `along` (3,), optional: the one line of all shifts: facets that it leads past each other need more than any
+          amount.
         """
         line = np.zeros(3) if along is None else along
         return least_needed(self.corners, shifts, fastest, slack, enough, line, DEFAULT.tie)
@@ -96,16 +76,10 @@ def near_facets(
 ) -> NearFacets:
     """Return the pairs of facets of two bodies that are not told apart by a distance.
 
-    Parameters
-    ----------
-    one, two : Facets
-    points, others : (n, 3) arrays
-        Their points where they are, in one frame.
-    band : float
-        The distance. Facets that are further apart by boxes, or across the plane of one of them, are not near, nor
-        are those that lie behind one of the planes by more.
-    crossing : bool
-        Return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
+    - `points`, `others` (n, 3): their points where they are, in one frame.
+    - `band`: the distance. Facets that are further apart by boxes, or across the plane of one of them, are not near,
+      nor are those that lie behind one of the planes by more.
+    - `crossing`: return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
     """
     corners = points[one.triangles], others[two.triangles]
     with np.errstate(invalid="ignore"):  # facets without area are left out: others hold their corners
@@ -210,11 +184,7 @@ def _crossed(u, v, out):
 def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints) -> float:
     """Return the distance of two surfaces by the collision library; 0 where they meet, infinite where one has no facet.
 
-    Parameters
-    ----------
-    points, others : (n, 3) arrays
-    triangles, facing : (t, 3) int arrays
-        Rows of the first, and of the second.
+    `points`, `others` (n, 3). `triangles`, `facing` (t, 3): rows of the first, and of the second.
     """
     import coal
     from scipy.spatial import cKDTree

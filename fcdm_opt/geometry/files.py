@@ -43,24 +43,13 @@ ROUNDED = 3.0**0.5 / 2.0  # of a last digit: how far rounding moves a point of t
 
 
 class Drawn(NamedTuple):
-    """What is read from a file.
+    """What is read from a file."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-    faces : list of tuples of int
-    off : (float, float)
-        How far these lie outside and within the solid, lengths.
-    surfaces : Surfaces or None
-        Those of a STEP file.
-    solids : list of (str, int)
-        Name of each of the file's objects, and how many of the faces it has; none where it tells of no objects.
-    """
-
-    vertices: Array
+    vertices: Array  # (n, 3)
     faces: list[Polygon]
-    off: tuple[float, float] = (0.0, 0.0)
-    surfaces: Surfaces | None = None
+    off: tuple[float, float] = (0.0, 0.0)  # how far these lie outside and within the solid, lengths
+    surfaces: Surfaces | None = None  # those of a STEP file
+    # name of each of the file's objects, and how many of the faces it has; none where it tells of no objects
     solids: Sequence[tuple[str, int]] = ()
 
     def by_name(self) -> dict[str, Ints]:
@@ -84,13 +73,17 @@ class Drawn(NamedTuple):
 class ReadMesh(NamedTuple):
     """A mesh as `drawn_mesh` returns it."""
 
-    vertices: Array
+    vertices: Array  # in the order of the file, (n, 3)
+    # rows of `vertices`; the polygons of OBJ, PLY and OFF files as they are, else triangles. All objects of a file are
+    # one mesh, those of a GLB scene where the scene places them
     faces: list[Polygon]
-    remarks: tuple[str, ...]
+    remarks: tuple[str, ...]  # what was done to the vertices, and how far triangles leave curved faces
+    # how far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
+    # curved faces, by vertices moved from where the file has them, and by digits too few for the coordinates
     off: tuple[float, float]
-    rounding: float
-    surfaces: Surfaces | None
-    solids: tuple[str, ...]
+    rounding: float  # length by which the file's digits leave each vertex open; 0.0 where nothing tells that they do
+    surfaces: Surfaces | None  # those of a STEP file, in `unit`
+    solids: tuple[str, ...]  # names of the file's solids, where there are several and all are returned
 
 
 def chosen_solid(path: str | Path) -> tuple[Path, str]:
@@ -113,46 +106,16 @@ def drawn_mesh(
 ) -> ReadMesh:
     """Return vertices, faces, remarks, how far they are off the solid in a mesh or STEP file, and its surfaces.
 
-    Parameters
-    ----------
-    path : path
-        Its suffix says what it is, see `mesh_formats`. Of a file of several solids "drive.step#key" is one alone, by
-        its name, or by its number from 1 where the file names none.
-    unit : str
-        Unit of the coordinates returned: "m", "cm", "mm", "um", "in" or "ft".
-    file_unit : as `unit`, optional
-        Unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`. GLB files are in metres
-        and STEP files name their unit: there it is an error.
-    deviation : float, optional
-        Of a STEP file: how far triangles may leave its curved faces at most, in `unit`, > 0. Default
-        `Tolerances.tessellation` of the length of their edges.
+    - `path`: its suffix says what it is, see `mesh_formats`. Of a file of several solids "drive.step#key" is one alone,
+      by its name, or by its number from 1 where the file names none.
+    - `unit`: of the coordinates returned.
+    - `file_unit`, optional: unit of the numbers in an STL, OBJ, PLY or OFF file, which do not say; default `unit`. GLB
+      files are in metres and STEP files name their unit: there it is an error.
+    - `deviation`, optional: of a STEP file, how far triangles may leave its curved faces at most, in `unit`, > 0.
+      Default `Tolerances.tessellation` of the length of their edges.
 
-    Returns
-    -------
-    vertices : (n, 3) array
-        In the order of the file.
-    faces : list of tuples of int
-        Rows of `vertices`; the polygons of OBJ, PLY and OFF files as they are, else triangles. All objects of a file
-        are one mesh, those of a GLB scene where the scene places them.
-    remarks : tuple of str
-        What was done to the vertices, and how far triangles leave curved faces.
-    off : (float, float)
-        How far the surface lies outside the solid of the file, and within it, at most, in `unit`: by its triangles on
-        curved faces, by vertices moved from where the file has them, and by digits too few for the coordinates.
-    rounding : float
-        Length by which the file's digits leave each vertex open; 0.0 where nothing tells that they do.
-    surfaces : Surfaces or None
-        Those of a STEP file, in `unit`.
-    solids : tuple of str
-        Names of the file's solids, where there are several and all are returned.
+    Raises `InputError`, which names the file and what is wrong with it, or what to install (STEP).
 
-    Raises
-    ------
-    InputError
-        Names the file and what is wrong with it, or what to install (STEP).
-
-    Notes
-    -----
     Plane faces of a STEP file are exact to double precision; curved ones are approximated by triangles with corners on
     the surface that turn by at most `Tolerances.tessellation_turn`; how far they leave it is measured, see
     `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a
@@ -376,19 +339,11 @@ def _together(meshes: Sequence[tuple[Any, Any]], names: Sequence[str]) -> Drawn:
 def _step(data: bytes, deviation: float | None = None) -> Drawn:
     """Return the solids in a STEP file, in metres, as triangles; plane faces are exact.
 
-    Parameters
-    ----------
-    data : bytes
-    deviation : float, optional
-        How far triangles may leave curved faces, metres: as near to it as `TRIES` come; default relative,
-        `Tolerances.tessellation`.
+    - `deviation`, optional: how far triangles may leave curved faces, metres: as near to it as `TRIES` come; default
+      relative, `Tolerances.tessellation`.
 
-    Raises
-    ------
-    InputError
-        Without cascadio; says what to install.
-    ValueError
-        For a file that is not complete.
+    Raises `InputError` without cascadio; says what to install.
+    Raises `ValueError` for a file that is not complete.
     """
     cascadio = extra("cascadio", "step", needing="reading a STEP file ")
     if not data.lstrip().startswith(b"ISO-10303-21"):

@@ -27,15 +27,10 @@ DAMPING = 1e-10  # of these: planes may say the same of a point
 def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined: bool) -> Array:
     """Return vertices with faces plane to double precision; equal points stay equal, and plane faces as they are.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-    faces : sequence of tuples of int
-        Rows of `vertices`. One of four or more corners is drawn as plane, and made so if it is within `slack`.
-    slack : float
-        Length by which rounding moved the vertices at most.
-    joined : bool
-        Whether triangles that lie in one plane within `slack` are one face, too.
+    - `vertices` (n, 3).
+    - `faces`: rows of `vertices`. One of four or more corners is drawn as plane, and made so if it is within `slack`.
+    - `slack`: length by which rounding moved the vertices at most.
+    - `joined`: whether triangles that lie in one plane within `slack` are one face, too.
     """
     first, same = distinct_rows(vertices)
     distinct = vertices[first]
@@ -55,24 +50,14 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
 
 @dataclass(frozen=True, eq=False)
 class Incidences:
-    """Which points lie on which planes.
+    """Which points lie on which planes."""
 
-    Attributes
-    ----------
-    corner, plane : (k,) int arrays
-        The number of a point, and of a plane that it lies on, ascending.
-    fixing : (k,) bool array
-        Whether the point is one of those that the plane is fitted to.
-    held : (n,) bool array, optional
-        Points that stay where they are, and with them the planes that are fitted to these alone.
-    ways : mapping of plane to (3, 1 or 2) array
-        Orthonormal directions that span the normals which a plane may have; all others may have any.
-    """
-
-    corner: Ints
+    corner: Ints  # the number of a point, and of a plane that it lies on, ascending, (k,)
     plane: Ints
-    fixing: Flags
+    fixing: Flags  # whether the point is one of those that the plane is fitted to, (k,)
+    # points that stay where they are, and with them the planes that are fitted to these alone, (n,)
     held: Flags | None = None
+    # (3, 1 or 2): orthonormal directions that span the normals which a plane may have; all others may have any
     ways: Mapping[int, Array] = field(default_factory=dict)
 
     @classmethod
@@ -160,13 +145,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
 def onto_planes(points: Array, corner: Ints, normals: Array, misses: Array) -> Array:
     """Return points moved the shortest way onto all their planes, but for directions that these hardly fix.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    corner : (k,) int array
-        The point that lies on a plane; several times the same one on several.
-    normals, misses : (k, 3) and (k,) arrays
-        Of that plane, and how far it is from the point.
+    `points` (n, 3). `corner` (k,): the point that lies on a plane; several times the same one on several. `normals`,
+    `misses` (k, 3) and (k,): of that plane, and how far it is from the point.
     """
     moved, own = np.unique(corner, return_inverse=True)
     grams, pulls = np.zeros((len(moved), 3, 3)), np.zeros((len(moved), 3))

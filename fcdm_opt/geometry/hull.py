@@ -18,38 +18,19 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class Hull(NamedTuple):
-    """Combinatorics of a convex part.
+    """Combinatorics of a convex part."""
 
-    Attributes
-    ----------
-    used : (n,) int array
-        Rows of the body's vertices that are extreme, in the order given; indices below count these.
-    loops : tuple of tuples of int
-        Vertices of each face, counter-clockwise seen from outside, the first given first.
-    edges : (m, 4) int array
-        `origin, end, left face, right face` of each edge.
-    """
-
-    used: Ints
+    used: Ints  # (n,): rows of the body's vertices that are extreme, in the order given; indices below count these
+    # vertices of each face, counter-clockwise seen from outside, the first given first
     loops: tuple[tuple[int, ...], ...]
-    edges: Ints
+    edges: Ints  # `origin, end, left face, right face` of each edge, (m, 4)
 
 
 def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
     """Return the hull of points, coplanar facets merged.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    rows : (n,) int array
-        Their rows among the body's vertices.
-    key : str
-        Names body and part in errors.
-
-    Raises
-    ------
-    InputError
-        For points that do not span a volume; names the vertices that show it.
+    `points` (n, 3). `rows` (n,): their rows among the body's vertices. `key`: names body and part in errors. Raises
+    `InputError` for points that do not span a volume; names the vertices that show it.
     """
     if len(points) < 4:
         raise InputError("a convex part needs at least 4 vertices", key=key, found=len(points))
@@ -175,14 +156,8 @@ def flat_groups(local: Array, triangles: Ints, sides: Sides) -> Ints:
 def convex_faces(local: Array, triangles: Ints, sides: Sides) -> tuple[Ints, Ints, Ints, bool]:
     """Join triangles of a surface in one plane where that gives a convex polygon, that of the largest triangle first.
 
-    Returns
-    -------
-    faces : (t,) int array
-        The polygon that each triangle is of.
-    corners, counts : int arrays
-        The polygons' corners one after another, and how many each has.
-    whole : bool
-        Whether every polygon's outline is one.
+    The polygon that each triangle is of, (t,), the polygons' corners one after another, how many each has, and whether
+    every polygon's outline is one.
     """
     group, areas = flat_groups(local, triangles, sides), _areas(local[triangles])
     order = np.argsort(-np.sqrt((areas**2).sum(axis=1)), kind="stable")
@@ -292,11 +267,8 @@ def _needless(local: Array, triangles: Ints, normals: Array) -> Ints:
     dropped = np.zeros(count, bool)
     for vertex in doubtful[::-1]:
         around = np.unique(both[first[vertex] : first[vertex + 1], 1])
-        if not dropped[around].any() and _near_hull(local[around] - local[vertex]):
-            dropped[vertex] = True
+        if not dropped[around].any():  # it is no corner where it lies within `planarity` of the hull of those around
+            spokes = local[around] - local[vertex]
+            nearest = nearest_mixture(spokes / norms(spokes).max()) @ spokes
+            dropped[vertex] = norms(nearest) <= DEFAULT.planarity
     return np.flatnonzero(dropped)
-
-
-def _near_hull(points: Array) -> bool:
-    """Tell whether the origin lies within `planarity` of the hull of points."""
-    return bool(norms(nearest_mixture(points / norms(points).max()) @ points) <= DEFAULT.planarity)

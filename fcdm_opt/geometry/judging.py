@@ -35,26 +35,13 @@ FLUSH = 1e-4  # of the size of elements that lie on each other: corners of faces
 
 
 class Solid(NamedTuple):
-    """One part, from the seed.
+    """One part, from the seed."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    planes : (f, 5) array
-        (unit normal, level, how far the normal may be off) of each face.
-    edges : (m, 3) array
-        From their origins to their ends.
-    beside : (m, 3) array of int
-        The vertex that each edge leaves, and the faces on its two sides.
-    ball : (4,) array
-        Centre and radius of a sphere about all points.
-    """
-
-    points: Array
-    planes: Array
-    edges: Array
-    beside: Ints
-    ball: Array
+    points: Array  # (n, 3)
+    planes: Array  # (unit normal, level, how far the normal may be off) of each face, (f, 5)
+    edges: Array  # from their origins to their ends, (m, 3)
+    beside: Ints  # the vertex that each edge leaves, and the faces on its two sides, (m, 3)
+    ball: Array  # centre and radius of a sphere about all points, (4,)
 
     @classmethod
     def of(cls, part: ConvexPart) -> Solid:

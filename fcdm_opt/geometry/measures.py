@@ -105,10 +105,7 @@ def corners_within(normals: Array, levels: Array, near: float) -> Array | None:
 def volume_and_centroid(corners: Array) -> tuple[float, Array, float]:
     """Return volume, centroid and a bound of the volume's rounding, by signed tetrahedra about the mean corner.
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Corners of the triangles of a closed surface.
+    `corners` (t, 3, 3): corners of the triangles of a closed surface.
     """
     first = corners[0, 0]
     local = corners - first  # exact far from the origin, where a mean is not

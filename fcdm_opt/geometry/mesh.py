@@ -41,34 +41,20 @@ FOLDS = 0.001, 0.1, 1.0  # of `Tolerances.fold`: how much of a folded surface fa
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """The closed surface of a solid; make one with `checked_mesh`.
+    """The closed surface of a solid; make one with `checked_mesh`."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) array
-        Distinct points, numbered as given: a point given again is left out, one that no face uses keeps its number.
-    faces : tuple of tuples of int
-        Rows of `vertices` of each face, counter-clockwise seen from outside, in the order given. A face may be any
-        planar polygon without holes.
-    triangles : (t, 3) int array
-        Triangles of the faces, without new vertices; every edge is run along both ways equally often.
-    triangle_faces : (t,) int array
-        The face that each triangle is from.
-    repairs : tuple of str
-        What was wrong in one way only, and was put right.
-    name : str
-        Used in messages.
-    moved : float
-        Largest distance of a point from the vertex that it was made one with.
-    """
-
+    # distinct points, numbered as given: a point given again is left out, one that no face uses keeps its number:
+    # (n, 3)
     vertices: Array
+    # rows of `vertices` of each face, counter-clockwise seen from outside, in the order given. A face may be any planar
+    # polygon without holes
     faces: tuple[Polygon, ...]
+    # (t, 3): triangles of the faces, without new vertices; every edge is run along both ways equally often
     triangles: Ints
-    triangle_faces: Ints
-    repairs: tuple[str, ...]
-    name: str
-    moved: float = 0.0
+    triangle_faces: Ints  # the face that each triangle is from, (t,)
+    repairs: tuple[str, ...]  # what was wrong in one way only, and was put right
+    name: str  # used in messages
+    moved: float = 0.0  # largest distance of a point from the vertex that it was made one with
 
     @cached_property
     def _volume_and_centroid(self) -> tuple[float, Array, float]:
@@ -99,28 +85,18 @@ class Mesh:
 def checked_mesh(vertices: ArrayLike, faces: Iterable[Sequence[int]] | ArrayLike, *, name: str = "body") -> Mesh:
     """Return the closed surface of a solid from vertices and faces.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-        Points nearer than `Tolerances.weld` of the mesh's size are one, the first given.
-    faces : (t, 3) int array, or rows of `vertices`
-        Of each face, 0-based, in order around it: three or more. Polygons must be planar and may be non-convex.
-    name : str
-        Used in messages.
+    With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left out;
+    vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
+    `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one; folds and slivers finer than
+    `Tolerances.fold` of the size left out.
 
-    Returns
-    -------
-    Mesh
-        With every certain repair in `repairs`: copies of faces, faces without area or with nothing between them left
-        out; vertices on the edge of a face made corners of it; windings made consistent and outward; seams of up to
-        `Tolerances.seam` of the size closed; closed surfaces that overlap or touch made one; folds and slivers finer
-        than `Tolerances.fold` of the size left out.
+    - `vertices` (n, 3): points nearer than `Tolerances.weld` of the mesh's size are one, the first given.
+    - `faces`, (t, 3) or rows of `vertices`: of each face, 0-based, in order around it: three or more. Polygons must be
+      planar and may be non-convex.
+    - `name`: used in messages.
 
-    Raises
-    ------
-    InputError
-        For a surface that is open, that crosses itself, or of which it is not certain what is inside. Names faces and
-        vertices (1-based) and a place.
+    Raises `InputError` for a surface that is open, that crosses itself, or of which it is not certain what is inside;
+    names faces and vertices (1-based) and a place.
     """
     return _checked(vertices, faces, name, remake=True)
 

@@ -25,48 +25,24 @@ CHAIN = 4  # fillets that follow one another, at most
 
 
 class Tangency(NamedTuple):
-    """A corner at which a round face is tangent to another face.
+    """A corner at which a round face is tangent to another face."""
 
-    Attributes
-    ----------
-    other : int
-        Row of `Body.faces` of the other.
-    normal, across : (3,) array
-        Outward normal there, and the direction away from the axis of the round face.
-    other_across : (3,) array
-        That from the axis of the other, where it is round.
-    """
-
-    other: int
-    normal: Array
+    other: int  # row of `Body.faces` of the other
+    normal: Array  # outward normal there, and the direction away from the axis of the round face, (3,)
     across: Array
-    other_across: Array
+    other_across: Array  # that from the axis of the other, where it is round, (3,)
 
 
 class MovesOfFaces(NamedTuple):
-    """How the true faces of a body answer to k sizes.
+    """How the true faces of a body answer to k sizes."""
 
-    Attributes
-    ----------
-    seed : (3,) array
-    lengths : (faces, k) array
-        How far the true face that each row of `Body.faces` stands for moves outward a unit of each size.
-    shifts : (faces, 3, k) array
-        How it is shifted besides.
-    rings : (faces, k) array
-        How much wider its ring gets, of a torus.
-    axes : (faces, 2, 3) array
-        A point of the axis, and the axis, of a round face.
-    turns : (k, 3, 3) array
-        Scales: a point X moves by U (X - s) a unit of each.
-    """
-
-    seed: Array
+    seed: Array  # (3,)
+    # how far the true face that each row of `Body.faces` stands for moves outward a unit of each size, (faces, k)
     lengths: Array
-    shifts: Array
-    rings: Array
-    axes: Array
-    turns: Array
+    shifts: Array  # how it is shifted besides, (faces, 3, k)
+    rings: Array  # how much wider its ring gets, of a torus, (faces, k)
+    axes: Array  # a point of the axis, and the axis, of a round face, (faces, 2, 3)
+    turns: Array  # scales: a point X moves by U (X - s) a unit of each, (k, 3, 3)
 
     @classmethod
     def of(

@@ -6,14 +6,13 @@ import math
 import re
 from collections import Counter
 from collections.abc import Sequence
-from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, equal_pairs, groups_of
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.polygons import by_size, components, distances
@@ -46,6 +45,7 @@ ROUND_KINDS = ("cylinder", "bore", "sphere", "hollow", "cone", "countersink")
 Label = tuple[int, ...]
 
 
+@cached_of_whole
 def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]:
     """Return the names of those faces of a body that have one, by their labels.
 
@@ -55,11 +55,6 @@ def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]
     "face 12", as they are counted, for others. Several that are called alike are numbered: "bore radius 2 no. 1".
     `four_digits`: with radii to `FEW` digits.
     """
-    return _names_of_faces(body.full_body or body, four_digits)
-
-
-@lru_cache(maxsize=16)
-def _names_of_faces(body: Body, four_digits: bool) -> dict[Label, str]:
     normals, rounds = _looks(body)
     return {**_plane(body, normals, MANY), **_numbered(rounds, four_digits)}
 
@@ -72,7 +67,7 @@ class Round(NamedTuple):
     faces: list[Label]
 
 
-@lru_cache(maxsize=16)
+@cached_of_whole
 def _looks(body: Body) -> tuple[dict[Label, Array], list[Round]]:
     """Return a normal of each face, and what of the body is round."""
     normals = normals_of_faces(body)
@@ -99,7 +94,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
 
 def round_faces(body: Body) -> list[Round]:
     """Return the cylinders, cones and spheres that facets of a body stand for: their corners lie on these."""
-    return _looks(body.full_body or body)[1]
+    return _looks(body)[1]
 
 
 def radius_text(radius: float, off: float = 0.0) -> str:
@@ -162,7 +157,10 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
     if (piece := body.piece_of(element)) is not None:
         return [*piece.rows]
     if max(element.vertices) > len(drawn.vertices):
-        return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0))
+        corners, owners = drawn.face_triangles  # those that it is on or beside, the nearest first
+        off = distances(body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None], corners)[:, 0]
+        near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * drawn.size)
+        return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
     return [row for row in rows_at(drawn, element) if row >= 0]
 
 
@@ -188,14 +186,6 @@ def _place(point: Array) -> str:
     """Return where a corner is, in words."""
     least = DEFAULT.weld * float(np.abs(point).max())
     return f"at ({', '.join(f'{x if abs(x) > least else 0.0:.4g}' for x in point.tolist())})"
-
-
-def _rows_near(body: Body, point: Array) -> list[int]:
-    """Return the rows of the faces that a point is on or beside, the nearest first."""
-    corners, owners = body.face_triangles
-    off = distances(point[None], corners)[:, 0]
-    near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * body.size)
-    return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
 
 
 def is_round(told: str) -> bool:
@@ -226,13 +216,9 @@ def _rounded(name: str) -> str:
     return name.replace(" radius ", " of radius ")
 
 
+@cached_of_whole
 def described_faces(body: Body, *, four_digits: bool = False) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    return _described_faces(body.full_body or body, four_digits)
-
-
-@lru_cache(maxsize=16)
-def _described_faces(body: Body, four_digits: bool) -> dict[Label, tuple[str, str]]:
     normals, rounds = _looks(body)
     named = {}
     for face, name in {**_plane(body, normals, 0), **_numbered(rounds, four_digits)}.items():
@@ -298,7 +284,7 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     ways /= norms(ways)[:, None]
     ways *= np.sign(np.take_along_axis(ways, np.abs(ways).argmax(axis=1)[:, None], axis=1))
     axes, own, counts = np.unique(np.round(ways / ROUND), axis=0, return_inverse=True, return_counts=True)
-    groups = [(None, group) for group in _side_by_side(pairs, BALL)]
+    groups = [(None, group) for group in side_by_side(pairs, BALL)]
     by_axis = groups_of(own.reshape(-1))
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
         along = _evenly_bent(body.vertices, facets, pairs[by_axis[k]], ends[by_axis[k]], axes[k])
@@ -376,7 +362,7 @@ def _cones(body: Body, facets: list[Label], normals: dict[Label, Array], pairs: 
     found, owner = list[Round](), np.full(len(facets), -1)
     for k in np.flatnonzero(counts >= FEWEST - 2).tolist():
         around = np.concatenate([np.column_stack([faces[e[groups[k]]], others[e[groups[k]]]]) for e in (one, two)])
-        for group in _side_by_side(around, FEWEST):
+        for group in side_by_side(around, FEWEST):
             labels = [facets[j] for j in group.tolist()]
             if (cone := _cone(body, labels, normals, apexes[first[k]])) is not None:
                 owner[group] = len(found)
@@ -438,7 +424,7 @@ def neighbours(faces: list[Label]) -> tuple[Ints, Ints]:
     return both[counts == 1], rows[one[first[counts == 1]]]
 
 
-def _side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
+def side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     """Return the groups of so many at least that pairs join."""
     some, places = np.unique(pairs, return_inverse=True)
     if len(some) < fewest:
@@ -475,7 +461,7 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
     outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
     if len(outward) != 1:
         return None
-    kinds = ("sphere", "hollow") if axis is None else ("cylinder", "bore")
+    kinds = ROUND_KINDS[2:4] if axis is None else ROUND_KINDS[:2]
     along = np.array((0.0, 0.0, 1.0)) if axis is None else np.cross(*flat)
     surface = Swept(centre @ flat, along, None if axis is None else (1.0, 0.0), 0.0, radius)
     return Round(f"{kinds[0] if True in outward else kinds[1]} radius {radius_text(radius, spread)}", surface, faces)

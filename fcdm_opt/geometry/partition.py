@@ -24,22 +24,13 @@ Edge = tuple[int, int]
 
 
 class Rule(NamedTuple):
-    """How a cutting plane is chosen: what counts for it or against it, in reflex edges that it settles.
+    """How a cutting plane is chosen: what counts for it or against it, in reflex edges that it settles."""
 
-    Attributes
-    ----------
-    edge, facet : float
-        Against it: a reflex edge or a facet that it cuts.
-    diagonal : float or None
-        For it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried.
-    last : bool
-        Of equally good planes the last one is taken.
-    """
-
-    edge: float
+    edge: float  # against it: a reflex edge or a facet that it cuts
     facet: float
+    # for it: that it is no facet's plane, but goes through two reflex edges. None: only facets' planes are tried
     diagonal: float | None = None
-    last: bool = False
+    last: bool = False  # of equally good planes the last one is taken
 
 
 RULES = (Rule(1.0, 1e-3), Rule(2.0, 0.0, 0.5), Rule(1.0, 1e-3, 0.0), Rule(0.5, 0.1, last=True))
@@ -51,19 +42,8 @@ def partition(
 ) -> list[Cell] | None:
     """Return convex cells that fill what the facets bound in a cell; None where they are more than so many.
 
-    Parameters
-    ----------
-    space : Arrangement
-    cell : Cell
-        Convex, and inside the solid where it holds no facets.
-    facets : sequence of Facet
-        Of the solid's surface, inside the cell; on its border they are left out.
-    rule : Rule
-
-    Raises
-    ------
-    InputError
-        Where the facets bound no solid.
+    `cell`: convex, and inside the solid where it holds no facets. `facets`: of the solid's surface, inside the cell; on
+    its border they are left out. Raises `InputError` where the facets bound no solid.
     """
     found: list[Cell] = []
     stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]
@@ -293,20 +273,11 @@ def cover(
 ) -> list[Cell] | None:
     """Return convex parts of the solid that hold the seed and together are all of it; None for more than `most`.
 
-    Parameters
-    ----------
-    space : Arrangement
-    hull : Cell
-        Of the solid.
-    facets : sequence of Facet
-        Of its surface, without those on the hull.
-    seed : int
-        Row of a point about which the solid is star-shaped.
-    cells : sequence of Cell
-        A partition of it.
-    most : int
-    targets : int
-        Largest pieces still to be covered that a part is grown around, of which the best is taken.
+    - `hull`: of the solid.
+    - `facets`: of its surface, without those on the hull.
+    - `seed`: row of a point about which the solid is star-shaped.
+    - `cells`: a partition of it.
+    - `targets`: largest pieces still to be covered that a part is grown around, of which the best is taken.
     """
     left, parts = list(cells), list[Cell]()
     while left:

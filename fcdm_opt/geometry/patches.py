@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
@@ -38,17 +38,10 @@ RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that
 
 
 class Patch(NamedTuple):
-    """A face of the true solid.
+    """A face of the true solid."""
 
-    Attributes
-    ----------
-    surface : Swept
-        In the body's frame as drawn.
-    side : float, or (n,) array of several
-        1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore.
-    """
-
-    surface: Swept
+    surface: Swept  # in the body's frame as drawn
+    # 1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore
     side: Number
 
     @classmethod
@@ -81,25 +74,16 @@ class Patch(NamedTuple):
 
 
 class TrueFaces:
-    """The patches of a body, with the triangles that stand for them, and the edges and corners between them.
+    """The patches of a body, with the triangles that stand for them, and the edges and corners between them."""
 
-    Attributes
-    ----------
-    patches : tuple of Patch
-    corners : (t, 3, 3) array
-        Triangles, wound outwards, as drawn.
-    owners : (t,) int array
-        The patch of each.
-    rows : (t,) int array
-        The row of `Body.faces` of each.
-    is_round : (p,) array of bool
-    edges : (m, 2, 3) array
-        Ends of the convex edges between two patches.
-    edge_patches : (m, 2) int array
-        These.
-    tips : (v, 3) array
-        Corners, in which edges of several kinds meet.
-    """
+    patches: tuple[Patch, ...]
+    corners: Array  # triangles, wound outwards, as drawn, (t, 3, 3)
+    owners: Ints  # the patch of each, (t,)
+    rows: Ints  # the row of `Body.faces` of each, (t,)
+    is_round: Flags  # of each patch, (p,)
+    edges: Array  # ends of the convex edges between two patches, (m, 2, 3)
+    edge_patches: Ints  # these patches, (m, 2)
+    tips: Array  # corners, in which edges of several kinds meet, (v, 3)
 
     def __init__(self, body: Body) -> None:
         self.body = body
@@ -284,12 +268,7 @@ class TrueFaces:
         return float(far[met & (far > near)].min(initial=np.inf))
 
 
-_faces_of = cached_per_body(TrueFaces)
-
-
-def true_faces(body: Body) -> TrueFaces:
-    """Return the true faces of a body, worked out once."""
-    return _faces_of(body.full_body or body)
+true_faces = cached_of_whole(TrueFaces)
 
 
 def patches_of_element(body: Body, element: Element) -> frozenset[int]:
@@ -299,21 +278,11 @@ def patches_of_element(body: Body, element: Element) -> frozenset[int]:
 
 
 class NearestPoints(NamedTuple):
-    """Where two bodies come nearest, or overlap most, on their true faces.
+    """Where two bodies come nearest, or overlap most, on their true faces."""
 
-    Attributes
-    ----------
-    gap : float
-        Negative where they overlap there.
-    points : (2, 3) array
-        The point of either body, as drawn.
-    normal : (3,) array
-        Unit normal of one of the faces there, from body 1 to body 2.
-    """
-
-    gap: float
-    points: Array
-    normal: Array
+    gap: float  # negative where they overlap there
+    points: Array  # the point of either body, as drawn, (2, 3)
+    normal: Array  # unit normal of one of the faces there, from body 1 to body 2, (3,)
 
 
 class _Placed:
@@ -339,7 +308,9 @@ class _Placed:
     def covers(self, k: int, points: Array) -> Flags:
         """Tell which points of a patch are on the piece of it that its triangles stand for."""
         corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
-        found = np.asarray(_hit(points, self.patches[k].gaps(points)[1], corners).any(axis=1))
+        met, far = _lines(points, self.patches[k].gaps(points)[1], corners)
+        longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
+        found = np.asarray((met & (np.abs(far) <= longest)).any(axis=1))  # not the far side of a cylinder
         for plane, hole in self.faces.rims if found.any() else ():
             if plane == k:
                 found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)
@@ -382,26 +353,13 @@ def _lines(points: Array, directions: Array, corners: Array) -> tuple[Flags, Arr
         return (u >= -RIM_SLACK) & (v >= -RIM_SLACK) & (u + v <= 1.0 + RIM_SLACK), far
 
 
-def _hit(points: Array, directions: Array, corners: Array) -> Flags:
-    """Tell which triangles stand for points of their surface with these normals, (n, t)."""
-    met, far = _lines(points, directions, corners)
-    longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
-    return met & (np.abs(far) <= longest)  # not the far side of a cylinder
-
-
 def nearest_on_faces(
     faces: Sequence[TrueFaces], scales: Sequence[float] | Array, transform: Array, band: float
 ) -> list[NearestPoints]:
     """Return where bodies come nearest on their true faces, where a round one takes part.
 
-    Parameters
-    ----------
-    faces : (TrueFaces, TrueFaces)
-    scales : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-    band : float
-        Pairs of triangles up to this distance are looked at.
+    `scales` (2,). `transform` (4, 4): pose change of body 1. `band`: pairs of triangles up to this distance are looked
+    at.
     """
     placed = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
     found = list[NearestPoints]()
@@ -548,15 +506,8 @@ def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Ar
 
     Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    on : list of Patch
-        Up to two, each of a row for each point; none of corners, which stay.
-    against : Patch
-        Alike.
-    extents : (n,) array
-        Of the feature: so far, times a few, points may move.
+    `points` (n, 3). `on`: up to two, each of a row for each point; none of corners, which stay. `against`: alike.
+    `extents` (n,): of the feature: so far, times a few, points may move.
     """
     if not on:
         return points

@@ -150,22 +150,13 @@ def triangulated(
 ) -> tuple[Ints, Ints]:
     """Return triangles of polygons, (t, 3), and the polygon each is from, (t,).
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    polygons : sequence of tuples of int
-        Rows of `points`; no polygon lies on one line.
-    numbers : sequence of int
-        How messages number the polygons.
-    slack : float
-        Length up to which a polygon may be out of plane, and a corner in line.
-    key : str
-        Names the body in messages.
+    - `points` (n, 3).
+    - `polygons`: rows of `points`; no polygon lies on one line.
+    - `numbers`: how messages number the polygons.
+    - `slack`: length up to which a polygon may be out of plane, and a corner in line.
+    - `key`: names the body in messages.
 
-    Raises
-    ------
-    InputError
-        For a polygon that is not planar or meets itself; names it.
+    Raises `InputError` for a polygon that is not planar or meets itself; names it.
     """
     triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
     for places, corners in by_size(polygons):
@@ -257,22 +248,12 @@ def _covered(triangle: Array, points: Array, slack: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """Directed sides of polygons, three after another of triangles.
+    """Directed sides of polygons, three after another of triangles."""
 
-    Attributes
-    ----------
-    origin, end : (s,) int arrays
-        Rows of the points.
-    face : (s,) int array
-        The polygon that each is of.
-    edge : (s,) int array
-        The number of the edge that each runs along, one way or the other.
-    """
-
-    origin: Ints
+    origin: Ints  # rows of the points, (s,)
     end: Ints
-    face: Ints
-    edge: Ints
+    face: Ints  # the polygon that each is of, (s,)
+    edge: Ints  # the number of the edge that each runs along, one way or the other, (s,)
 
     @classmethod
     def of(cls, polygons: Sequence[Polygon]) -> Sides:

@@ -28,33 +28,19 @@ SHALLOWEST = 2.0**-40  # of the size: below this none is believed
 
 
 class Pyramids(NamedTuple):
-    """Pyramids under the faces of a surface.
+    """Pyramids under the faces of a surface."""
 
-    Attributes
-    ----------
-    points : (n + k, 3) array
-        The mesh's vertices, then the apexes.
-    hulls : list of Hull
-        Of each pyramid: the corners of its base, counter-clockwise seen from outside the solid, and the apex last.
-    surface : Surface
-        True faces and edges.
-    owners : (k,) int array
-        The face of the surface that each base is on.
-    """
-
-    points: Array
+    points: Array  # the mesh's vertices, then the apexes, (n + k, 3)
+    # of each pyramid: the corners of its base, counter-clockwise seen from outside the solid, and the apex last
     hulls: list[Hull]
-    surface: Surface
-    owners: Ints
+    surface: Surface  # true faces and edges
+    owners: Ints  # the face of the surface that each base is on, (k,)
 
 
 def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
     """Return the pyramids under a closed surface, (t, 3) triangles, outward.
 
-    Raises
-    ------
-    InputError
-        Where none fits under a face, as the solid there is thinner than rounding.
+    Raises `InputError` where none fits under a face, as the solid there is thinner than rounding.
     """
     local, sides = _local(vertices, triangles)[0], Sides.around(triangles.ravel(), 3)
     groups, corners, sizes, _ = convex_faces(local, triangles, sides)
@@ -80,22 +66,13 @@ def _local(vertices: Array, triangles: Ints) -> tuple[Array, Array, float]:
 def apexes(vertices: Array, triangles: Ints, groups: Ints, corners: Ints, sizes: Ints, name: str) -> Array:
     """Return the apexes of pyramids under a closed surface, (k, 3): as deep as the solid lets them be, and inside it.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array
-    triangles : (t, 3) int array
-        Outward.
-    groups : (t,) int array
-        The base that each triangle is of.
-    corners, sizes : int arrays
-        Rows of the corners of all bases, one after the other, and how many each has.
-    name : str
-        Of the body.
+    - `vertices` (n, 3).
+    - `triangles` (t, 3): outward.
+    - `groups` (t,): the base that each triangle is of.
+    - `corners`, `sizes`: rows of the corners of all bases, one after the other, and how many each has.
+    - `name`: of the body.
 
-    Raises
-    ------
-    InputError
-        Where none fits under a face, as the solid there is thinner than rounding.
+    Raises `InputError` where none fits under a face, as the solid there is thinner than rounding.
     """
     local, origin, size = _local(vertices, triangles)
     starts = np.concatenate([[0], np.cumsum(sizes)])

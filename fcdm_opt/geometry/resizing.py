@@ -47,35 +47,17 @@ MOST_AT_A_CORNER = 24  # facets of a corner that splits: all their triples are k
 
 @dataclass(frozen=True, eq=False)
 class MovingPart:
-    """How a convex part answers to k sizes, in the body's frame as drawn; all is linear in the sizes p.
-
-    Attributes
-    ----------
-    part : ConvexPart
-    faces : (f,) int array
-        The body's face that each facet moves with, -1 for a cut along no face.
-    offsets : (f, k) array
-        How far each facet moves outward a unit of each size; where a scale turns it, along its normal as drawn.
-    triples : (t, 3) int array
-        Facets that meet in each corner.
-    vertices : (t,) int array
-        The part's vertex as drawn that each corner comes from, or is nearest to.
-    points : (t, 3) array
-        Where it is as drawn.
-    moves : (t, 3, k) array
-        How each corner moves a unit of each size.
-    split : (n,) bool array
-        Which vertices of the part split.
-    """
+    """How a convex part answers to k sizes, in the body's frame as drawn; all is linear in the sizes p."""
 
     part: ConvexPart
-    faces: Ints
+    faces: Ints  # the body's face that each facet moves with, -1 for a cut along no face, (f,)
+    # (f, k): how far each facet moves outward a unit of each size; where a scale turns it, along its normal as drawn
     offsets: Array
-    triples: Ints
-    vertices: Ints
-    points: Array
-    moves: Array
-    split: Flags
+    triples: Ints  # facets that meet in each corner, (t, 3)
+    vertices: Ints  # the part's vertex as drawn that each corner comes from, or is nearest to, (t,)
+    points: Array  # where it is as drawn, (t, 3)
+    moves: Array  # how each corner moves a unit of each size, (t, 3, k)
+    split: Flags  # which vertices of the part split, (n,)
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
@@ -151,16 +133,8 @@ class Resizing:
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
         """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
 
-        Parameters
-        ----------
-        low, high : (k,) array
-            The box; the factor is at least that for it and 0 together.
-
-        Returns
-        -------
-        list of (float, str)
-            The part keeps its facets, and which of them meet, for sizes of less than the first times the box; the face
-            that would be reached first.
+        The part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
+        `high` (k,): its ends; the factor is at least that for it and 0 together.
         """
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         found = []
@@ -254,16 +228,8 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 
     Vertices keep their labels where each stays one; else they are numbered anew.
 
-    Parameters
-    ----------
-    body : Body
-    made : mapping of Size to number
-        Deviations from drawn; sizes that are not there are as drawn.
-
-    Raises
-    ------
-    InputError
-        Where a face vanishes or a part does, with the face.
+    `made`: deviations from drawn; sizes that are not there are as drawn. Raises `InputError` where a face vanishes or a
+    part does, with the face.
     """
     return _resized(body, tuple((size.of_body("movable"), value) for size, value in made.items()))
 
@@ -804,20 +770,12 @@ def _fan(around: Ints, normals: Array) -> Ints:
 
 
 class _Cut(NamedTuple):
-    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along.
+    """Facets of parts that lie on one another in the solid's interior: one piece of a plane that it is cut along."""
 
-    Attributes
-    ----------
-    normal : (3,) array
-    facets : list of (int, int, float)
-        Part, facet of it, and 1 or -1: whether it looks along the normal.
-    elements : list of (tuple of int, list of int, array or None)
-        Labels of the solid's corners and edges that the piece's corners lie on, rows of the faces there, and the
-        factors of their normals that add up to its own: those carry the cut along.
-    """
-
-    normal: Array
-    facets: list[tuple[int, int, float]]
+    normal: Array  # (3,)
+    facets: list[tuple[int, int, float]]  # part, facet of it, and 1 or -1: whether it looks along the normal
+    # labels of the solid's corners and edges that the piece's corners lie on, rows of the faces there, and the factors
+    # of their normals that add up to its own: those carry the cut along
     elements: list[tuple[tuple[int, ...], list[int], Array | None]]
 
 
@@ -883,7 +841,12 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
                 (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
             ).tolist()
             if ways and not own:
-                raise _loose(body, sizes, np.array(ways), cut)
+                size = sizes[int(np.ptp(ways, axis=0).argmax())]
+                labels = dict.fromkeys(label for own, *_ in cut.elements for label in own)
+                plane = f"a plane through {', '.join(f'V{label}' for label in labels)}"
+                what = f"body '{body.name}' is cut along {plane}, which this size would take out of it"
+                allowed = "a scale, or faces away from such a cut"
+                raise InputError(what, key=f"size '{size.name}'.faces", found=size.faces, allowed=allowed)
             offsets = np.sign(along[own])[:, None] * face_offsets[own]
             _check_one_plane(body, sizes, own, offsets)
             offset = offsets[0] if own else np.zeros(len(sizes))
@@ -918,12 +881,3 @@ def _check_one_plane(body: Body, sizes: Sequence[Size], faces: Sequence[int], of
             key=f"size '{sizes[int(wrong.argmax())].name}'.faces", found=names,
             allowed="all of these faces, or none",
         )  # fmt: skip
-
-
-def _loose(body: Body, sizes: Sequence[Size], ways: Array, cut: _Cut) -> InputError:
-    size = sizes[int(np.ptp(ways, axis=0).argmax())]
-    corners = ", ".join(f"V{label}" for label in dict.fromkeys(label for own, *_ in cut.elements for label in own))
-    return InputError(
-        f"body '{body.name}' is cut along a plane through {corners}, which this size would take out of it",
-        key=f"size '{size.name}'.faces", found=size.faces, allowed="a scale, or faces away from such a cut",
-    )  # fmt: skip

@@ -14,35 +14,20 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class JoinedShells(NamedTuple):
-    """The surface of one solid, of surfaces that were none.
+    """The surface of one solid, of surfaces that were none."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array or None
-        None where the solids only touch, along lines and at points: their surfaces are that of the union.
-    off : float
-        How far the surface may be from those given.
-    remark : str
-        What was done, with the volume in common.
-    """
-
-    points: Array
+    points: Array  # (n, 3)
+    # None where the solids only touch, along lines and at points: their surfaces are that of the union, (t, 3)
     triangles: Ints | None
-    off: float
-    remark: str
+    off: float  # how far the surface may be from those given
+    remark: str  # what was done, with the volume in common
 
 
 def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShells | None:
     """Return what closed surfaces bound together, by manifold3d; None for a single one, and where one is no solid.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array
-        Of all surfaces.
-    shells : (t,) int array
-        Which surface each triangle is of. Those wound the other way than most, and inside the others, are cavities.
+    `points` (n, 3). `triangles` (t, 3): of all surfaces. `shells` (t,): which surface each triangle is of. Those wound
+    the other way than most, and inside the others, are cavities.
     """
     from manifold3d import Error, Manifold, Mesh64, OpType
 

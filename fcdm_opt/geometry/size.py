@@ -280,19 +280,24 @@ class Size(Plain):
                         named.setdefault(told, []).append(row)
                 if selector in named:
                     return np.array(named[selector])
-            known = ", ".join(dict.fromkeys(map(_listed, names_of_rows(body))))
+            names = (f"F{name[5:]}" if name.startswith("face ") else name for name in names_of_rows(body))
+            known = ", ".join(dict.fromkeys(names))
             raise self._refused(f"no face of body '{body.name}' has this name", key, selector, known)
         if isinstance(selector, str) and selector[0] == "F":
             row = int(selector[1:]) - 1
             if row >= len(normals):
                 raise self._refused("no such face", key, selector, f"F1 to F{len(normals)}")
-            names = names_of_rows(body)  # a facet of a round face means all of it, as it is listed
-            return np.array([k for k, name in enumerate(names) if name == names[row]])
+            every = names_of_rows(body)  # a facet of a round face means all of it, as it is listed
+            return np.array([k for k, name in enumerate(every) if name == every[row]])
         if isinstance(selector, str):
             n = np.array(AXES[selector.removeprefix("+")])
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
         elif "through" in selector:
-            rows = _faces_through(body, np.array(selector["through"]))
+            # in the plane of a face, and in one of its triangles: a facet of a part may span several faces of a plane
+            point, (triangles, owners) = np.array(selector["through"]), body.face_triangles
+            n, snap = normals[owners], DEFAULT.snap * body.size
+            on = np.abs(((point - triangles[:, 0]) * n).sum(axis=1)) <= snap
+            rows = np.unique(owners[on & hold(triangles, n, point[None], snap)[0]])
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
@@ -360,10 +365,6 @@ def _offsets(size: Size, body: Body) -> Array:
     return frozen(moved)
 
 
-def _listed(name: str) -> str:
-    return f"F{name[5:]}" if name.startswith("face ") else name
-
-
 def direction(normal: Array) -> str:
     """Return an outward normal in words: "+x", or its three numbers."""
     k = int(np.abs(normal).argmax())
@@ -377,14 +378,3 @@ def direction_level(normal: Array, point: Array) -> str:
     """Return where a face lies: "x = 2" for one across an axis, else its normal and its height along it."""
     word, k = direction(normal), int(np.abs(normal).argmax())
     return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
-
-
-def _faces_through(body: Body, point: Array) -> Ints:
-    """Return the rows of the faces of a body on which a point lies: in their plane, and in one of their triangles.
-
-    A facet of a convex part may span several faces of one plane, and the room between them.
-    """
-    near, (corners, owners) = DEFAULT.snap * body.size, body.face_triangles
-    normals = body.face_planes[0][owners]
-    on = np.abs(((point - corners[:, 0]) * normals).sum(axis=1)) <= near
-    return np.unique(owners[on & hold(corners, normals, point[None], near)[0]])

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly, groups_of
-from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
@@ -37,17 +37,11 @@ REMEMBERED = 64  # depths
 
 
 class SolidSurface:
-    """The closed surface of a body's solid, from its seed.
+    """The closed surface of a body's solid, from its seed."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        Each once.
-    triangles : (t, 3) int array
-        Rows of the points, counter-clockwise seen from outside.
-    closed : bool
-        Whether that is one surface, of the solid; else it is that of each convex part, and these may overlap.
-    """
+    points: Array  # each once, (n, 3)
+    triangles: Ints  # rows of the points, counter-clockwise seen from outside, (t, 3)
+    closed: bool  # whether that is one surface, of the solid; else it is that of each part, and these may overlap
 
     def __init__(self, body: Body) -> None:
         if body.triangles:
@@ -72,28 +66,16 @@ class SolidSurface:
         return groups_of(components(sides, len(self.points)))
 
 
-_surface_of = cached_per_body(SolidSurface)
+solid_surface = cached_of_whole(SolidSurface)  # of the solid that a body, or some of its parts, stands for
 _DEPTHS: dict[bytes, float] = {}  # by the triangles where they are
 
 
-def solid_surface(body: Body) -> SolidSurface:
-    """Return the boundary of the whole solid that a body, or some of its parts, stands for; worked out once."""
-    return _surface_of(body.full_body or body)
-
-
 class Located(NamedTuple):
-    """Where points are against closed surfaces.
+    """Where points are against closed surfaces."""
 
-    Attributes
-    ----------
-    winding : (m,) int array
-        How often the surfaces wind round each point: of one on a surface as if it were moved by an infinitesimal.
-    on : (m,) bool array
-        Whether it is on one of the triangles.
-    """
-
+    # how often the surfaces wind round each point: of one on a surface as if it were moved by an infinitesimal, (m,)
     winding: Ints
-    on: Flags
+    on: Flags  # whether it is on one of the triangles, (m,)
 
     @property
     def inside(self) -> Flags:
@@ -221,23 +203,13 @@ def depth_as_drawn(movable: Body, static: Body, rho: Sequence[float] | Array) ->
 
 
 class PlacedSolids:
-    """Two whole solids at a scale pair and pose, in lengths from the static seed.
+    """Two whole solids at a scale pair, (2,), and pose change of body 1, (4, 4), in lengths from the static seed.
 
-    Parameters
-    ----------
-    movable, static : Body
-        Or some of their parts: the whole solids are looked at.
-    rho : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-
-    Attributes
-    ----------
-    complete : bool
-        Whether the bodies given have all of their parts.
-    size : float
-        Largest extent of either.
+    Of bodies of which some parts are given the whole solids are looked at.
     """
+
+    complete: bool  # whether the bodies given have all of their parts
+    size: float  # largest extent of either
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
         self._own = tuple(map(solid_surface, (movable, static)))
@@ -260,10 +232,7 @@ class PlacedSolids:
 
         Of solids whose surfaces do not cross it tells whether they overlap.
         """
-        return sum(self._within(one, two) for one, two in ((0, 1), (1, 0)))
-
-    def _within(self, one: int, two: int) -> int:
-        return sum(self._holds(two, one, rows) for rows in self._own[one].shells)
+        return sum(self._holds(1 - one, one, rows) for one in range(2) for rows in self._own[one].shells)
 
     def _holds(self, which: int, other: int, rows: Ints) -> bool:
         """Tell whether a closed surface of the other solid, rows of its points, lies inside a solid."""
@@ -298,12 +267,8 @@ class PlacedSolids:
     def gap(self, of_parts: float, slack: float = 0.0) -> float:
         """Return the signed gap of the solids: minus their `depth` where they overlap, never more than their distance.
 
-        Parameters
-        ----------
-        of_parts : float
-            That of the convex parts of the bodies given, which have all of their surface, or some of it.
-        slack : float
-            Length up to which solids whose surfaces meet are taken to touch.
+        - `of_parts`: that of the convex parts of the bodies given, which have all of their surface, or some of it.
+        - `slack`: length up to which solids whose surfaces meet are taken to touch.
         """
         if of_parts < -slack or self.nested:
             return -max(self.depth, -of_parts, np.finfo(float).tiny)
@@ -361,8 +326,7 @@ class PlacedSolids:
         for own, points in zip(self._own, self._points, strict=True):
             rows = [own.triangles]
             if not own.closed:
-                group = components(np.concatenate([own.triangles[:, :2], own.triangles[:, 1:]]), len(points))
-                rows = [own.triangles[group[own.triangles[:, 0]] == k] for k in range(group.max() + 1)]
+                rows = [own.triangles[np.isin(own.triangles[:, 0], shell)] for shell in own.shells]
             pieces = []
             for some in rows:
                 used, faces = np.unique(some, return_inverse=True)

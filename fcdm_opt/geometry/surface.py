@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, groups_of
 from fcdm_opt.geometry.measures import cross, following, norms
 from fcdm_opt.geometry.polygons import Sides, area, components, hold, inside
 from fcdm_opt.tolerances import DEFAULT
@@ -20,31 +20,15 @@ Rows = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Faces and edges of a solid that no two of its neighbouring facets in one plane divide.
+    """Faces and edges of a solid that no two of its neighbouring facets in one plane divide."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    triangles : (t, 3) int array
-        Rows of `points`; counter-clockwise seen from outside.
-    owners : (t,) int array
-        The face that each triangle is of.
-    faces : tuple of tuples of int
-        Rows of each face's corners, those of its holes too, ascending.
-    edges : (k, 2) int array
-        Rows of the ends of each edge.
-    hidden : (h, 2) int array
-        Edges inside the solid that keep names of their own.
-    outlines : tuple of tuples of int
-        The faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes.
-    """
-
-    points: Array
-    triangles: Ints
-    owners: Ints
-    faces: tuple[Rows, ...]
-    edges: Ints
-    hidden: Ints
+    points: Array  # (n, 3)
+    triangles: Ints  # (t, 3): rows of `points`; counter-clockwise seen from outside
+    owners: Ints  # the face that each triangle is of, (t,)
+    faces: tuple[Rows, ...]  # rows of each face's corners, those of its holes too, ascending
+    edges: Ints  # rows of the ends of each edge, (k, 2)
+    hidden: Ints  # edges inside the solid that keep names of their own, (h, 2)
+    # the faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes
     outlines: tuple[Rows, ...]
 
     @classmethod
@@ -66,9 +50,8 @@ class Surface:
             for face in beside:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
-        order = np.argsort(owners, kind="stable")
-        own = np.split(triangles[order], np.cumsum(np.bincount(owners))[:-1])
-        outlines = tuple(_outline(some.tolist(), face) for some, face in zip(own, faces, strict=True))
+        own = (triangles[some].tolist() for some in groups_of(owners))
+        outlines = tuple(_outline(some, face) for some, face in zip(own, faces, strict=True))
         rows = np.array(list(edges), np.int64).reshape(-1, 2)
         return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
 
@@ -148,13 +131,8 @@ class Surface:
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
 
-        Parameters
-        ----------
-        ends : (2, 3) array
-        faces : (k,) int array
-            In whose planes the segment lies: their triangles' sides cut it.
-        edges : (m,) int array
-            On whose lines it lies: their ends cut it.
+        `ends` (2, 3). `faces` (k,): in whose planes the segment lies: their triangles' sides cut it. `edges` (m,): on
+        whose lines it lies: their ends cut it.
         """
         corners = self.points[self.triangles[np.isin(self.owners, faces)]]
         after, others = following(corners), self.points[self.edges[edges]]

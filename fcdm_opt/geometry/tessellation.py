@@ -24,30 +24,21 @@ TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge a
 _TINY = float(np.finfo(float).tiny)
 
 
-Number = Any
-"""A number, or an array with one for each of several surfaces."""
+Number = Any  # a number, or an array with one for each of several surfaces
 
 
 class Swept(NamedTuple):
     """A surface of revolution, as the zeros of its signed distance; length units of the file's reader.
 
     Or several of one kind, line or circle, one for each point that is asked about: see `stacked`.
-
-    Attributes
-    ----------
-    origin, axis : (3,) array
-        A point of the axis and its unit direction.
-    line : (float, float) or None
-        Swept by the line `line[0]` u - `line[1]` h = `radius`, where u is the distance from the axis and h that along
-        it: a cylinder (1, 0), a cone (cos, sin), a plane (0, -1). None: by a circle.
-    ring, radius : float
-        By the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0.
     """
 
-    origin: Array
+    origin: Array  # a point of the axis and its unit direction, (3,)
     axis: Array
+    # swept by the line `line[0]` u - `line[1]` h = `radius`, where u is the distance from the axis and h that along it:
+    # a cylinder (1, 0), a cone (cos, sin), a plane (0, -1). None: by a circle
     line: tuple[Number, Number] | None
-    ring: Number
+    ring: Number  # by the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0
     radius: Number
 
     @property
@@ -201,25 +192,14 @@ class Swept(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The surfaces of a STEP file that its triangles stand for.
+    """The surfaces of a STEP file that its triangles stand for."""
 
-    Attributes
-    ----------
-    known : tuple of Swept
-        Planes among them.
-    other : float
-        How far triangles of none of these may be off theirs, length.
-    within : float
-        How far off a surface the corners on it may be: in single precision they are placed.
-    """
-
-    known: tuple[Swept, ...]
-    other: float
-    within: float
+    known: tuple[Swept, ...]  # planes among them
+    other: float  # how far triangles of none of these may be off theirs, length
+    within: float  # how far off a surface the corners on it may be: in single precision they are placed
 
 
-RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]
-"""Round surfaces, and the rows of the faces that stand for each."""
+RoundFaces = tuple[tuple[Swept, tuple[int, ...]], ...]  # round surfaces, and the rows of the faces that stand for each
 
 
 def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces) -> tuple[Array, RoundFaces]:
@@ -227,16 +207,10 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
 
     And the round surfaces, with their faces.
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Triangles of the faces, wound outwards.
-    owners : (t,) int array
-        The face that each is of.
-    count : int
-        How many faces there are.
-    surfaces : Surfaces
-        A triangle is of a plane that it lies in, else of each that its corners are on and that looks its way.
+    - `corners` (t, 3, 3): triangles of the faces, wound outwards.
+    - `owners` (t,): the face that each is of.
+    - `count`: how many faces there are.
+    - `surfaces`: a triangle is of a plane that it lies in, else of each that its corners are on and that looks its way.
     """
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(norms(normals), _TINY)[:, None]
@@ -264,13 +238,7 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
 def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tuple[list[Swept], Ints]:
     """Return surfaces, round ones first, then planes of other faces, and which of them each triangle is of, (t,).
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Triangles of the faces, wound outwards.
-    rows : (t,) int array
-        The face that each is of.
-    rounds : RoundFaces
+    `corners` (t, 3, 3): triangles of the faces, wound outwards. `rows` (t,): the face that each is of.
     """
     surfaces, owners = [surface for surface, _ in rounds], np.full(len(rows), -1)
     for k, (_, faces) in enumerate(rounds):
@@ -295,13 +263,7 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
     Triangles are split, with new corners on the surface, or at the sides of two on both; volumes and moments of ever
     smaller ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
 
-    Parameters
-    ----------
-    corners : (t, 3, 3) array
-        Of a closed surface, on the surfaces.
-    surfaces : sequence of Swept
-    owners : (t,) int array
-        The surface of each triangle.
+    `corners` (t, 3, 3): of a closed surface, on the surfaces. `owners` (t,): the surface of each triangle.
     """
     _, same = distinct_rows(corners.reshape(-1, 3))
     ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
@@ -351,12 +313,7 @@ def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float
 
     So facets between two such rings are plane, where the digits of a file bent them.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    surfaces : sequence of surfaces and the rows of their points
-    slack : float
-        Length by which rounding moved each at most.
+    `points` (n, 3). `slack`: length by which rounding moved each at most.
     """
     axes = list[tuple[Swept, list[Ints]]]()
     for surface, rows in surfaces:

@@ -35,22 +35,12 @@ TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it do
 
 
 class FacePieces(NamedTuple):
-    """Pieces of the faces of a body, each known by a triangle with its corners on the surface.
+    """Pieces of the faces of a body, each known by a triangle with its corners on the surface."""
 
-    Attributes
-    ----------
-    corners : (n, 3, 3) array
-    patches : (n,) int array
-    others : (n, 3) int array
-        The patch beyond the side from each corner to the next; -1 within the patch.
-    errors : (n,) array
-        No point of the piece is further from the triangle.
-    """
-
-    corners: Array
-    patches: Ints
-    others: Ints
-    errors: Array
+    corners: Array  # (n, 3, 3)
+    patches: Ints  # (n,)
+    others: Ints  # (n, 3): the patch beyond the side from each corner to the next; -1 within the patch
+    errors: Array  # no point of the piece is further from the triangle, (n,)
 
     @classmethod
     def of(cls, faces: TrueFaces) -> FacePieces:
@@ -85,20 +75,15 @@ class FacePieces(NamedTuple):
         trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
         return self._replace(errors=errors + TRIM * trimmed)
 
-    def in_holes(self, faces: TrueFaces) -> Flags:
-        """Tell which triangles of plane faces are between a chord of a hole's rim and the rim: nothing is there."""
-        found, near = np.zeros(len(self.corners), bool), DEFAULT.tie * faces.body.size
-        for plane, hole in faces.rims:
-            rows = np.flatnonzero(self.patches == plane)
-            found[rows] |= faces.in_hole(plane, hole, self.corners[rows], near)
-        return found
-
     def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
         """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of.
 
         A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
         """
-        there = ~self.in_holes(faces)
+        there = np.ones(len(self.corners), bool)
+        for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
+            rows = np.flatnonzero(self.patches == plane)
+            there[rows] &= ~faces.in_hole(plane, hole, self.corners[rows], DEFAULT.tie * faces.body.size)
         found, of, near = self.only(there), np.flatnonzero(there), faces.slack
         for plane, hole in faces.rims:
             rim = faces.patches[hole].surface
@@ -158,18 +143,10 @@ class FacePieces(NamedTuple):
 
 
 class PoseDerivatives(NamedTuple):
-    """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount.
+    """How a body moves as a motion begins, in coordinates whose Euclidean norm is the amount."""
 
-    Attributes
-    ----------
-    first : (k, 3, 4) array
-        Derivatives of its pose by each.
-    second : (k, k, 3, 4) array
-        By each two; zero where nothing turns.
-    """
-
-    first: Array
-    second: Array
+    first: Array  # derivatives of its pose by each, (k, 3, 4)
+    second: Array  # (k, k, 3, 4): by each two; zero where nothing turns
 
     @property
     def spin(self) -> float:
@@ -220,17 +197,10 @@ class PoseDerivatives(NamedTuple):
 class FacesApart:
     """Two bodies at scale 1 that are apart, in pieces that are cut further with each question.
 
-    Parameters
-    ----------
-    faces : (TrueFaces, TrueFaces)
-    most : int
-        Pairs of pieces that are looked at, over all questions.
-
-    Attributes
-    ----------
-    remaining : int
-        Pairs of pieces that may still be looked at; below 0 nothing is shown any more.
+    `most`: pairs of pieces that are looked at, over all questions.
     """
+
+    remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
     def __init__(self, faces: Sequence[TrueFaces], most: int = MOST) -> None:
         self._faces = faces

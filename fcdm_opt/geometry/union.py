@@ -20,8 +20,10 @@ FRACTIONS = np.array([1e-3, 0.25, 0.5, 0.75, 1 - 1e-3])  # of the way along an e
 def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | None, name: str) -> Surface:
     """Return the faces and edges of a union of parts."""
     walls = _Walls(points, hulls)
-    every = [map(walls.without_short_sides, walls.exposed(k)) for k in range(len(walls.loops))]
-    exposed = [[piece for piece in pieces if len(piece) > 2] for pieces in every]
+    exposed = []
+    for k in range(len(walls.loops)):  # without short sides: of a sliver fewer than three corners are left
+        apart = (own[norms(own - np.roll(own, 1, axis=0)) > walls.slack] for own in walls.exposed(k))
+        exposed.append([own for own in apart if len(own) > 2])
     shown = [k for k, pieces in enumerate(exposed) if pieces]
     groups = walls.grouped(shown) if given is None else walls.owned(shown, given, name)
     first, place = distinct_rows(points)
@@ -38,7 +40,10 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
         for k in own:
             pieces = [walls.loops[k]] if outline is None else []
             if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
-                pieces = [_added(corners, piece) for piece in exposed[k]]
+                pieces = []
+                for piece in exposed[k]:
+                    pieces.append(tuple(range(len(corners), len(corners) + len(piece))))
+                    corners += list(piece)
             made = [fans([piece]) for piece in pieces]
             triangles += made
             normals += [walls.normals[k]] * sum(map(len, made))
@@ -57,20 +62,10 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
 
 
-def _added(corners: list[Array], piece: Array) -> tuple[int, ...]:
-    """Add the corners of a convex polygon; return their rows."""
-    corners += list(piece)
-    return tuple(range(len(corners) - len(piece), len(corners)))
-
-
 class _Walls:
     """Faces of all parts, one after another.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    hulls : list of Hull
-        The parts.
+    `points` (n, 3). `hulls`: the parts.
     """
 
     def __init__(self, points: Array, hulls: list[Hull]) -> None:
@@ -84,10 +79,6 @@ class _Walls:
         self._part = np.repeat(np.arange(len(hulls)), [len(hull.loops) for hull in hulls])
         self._starts = np.searchsorted(self._part, np.arange(len(hulls) + 1))
         self._lows, self._highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
-
-    def without_short_sides(self, piece: Array) -> Array:
-        """Return the corners, (m, 3), of a polygon that are apart from the one before; fewer than three of a sliver."""
-        return piece[norms(piece - np.roll(piece, 1, axis=0)) > self.slack]
 
     def exposed(self, k: int) -> list[Array]:
         """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one.

@@ -16,8 +16,7 @@ NANOMETRES = {"m": 1_000_000_000, "cm": 10_000_000, "mm": 1_000_000, "um": 1_000
 NOISE = 1e-12
 """A length that is 0, in any unit: of the shortest, a micrometre, it is less than an atom; parts are not so small."""
 
-ROUNDING = 1e-11
-"""Of a bound: what floats leave of 0.07 may be 0.06999999999999999, and is shown as it was meant."""
+ROUNDING = 1e-11  # of a bound: what floats leave of 0.07 may be 0.06999999999999999, and is shown as it was meant
 
 
 def same_unit(given: Mapping[str, str | None], file: Path | None = None) -> UnitOrNone:

@@ -33,14 +33,8 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     It is not where that would take long, as of faces that are near all over: the amount is less than it might be then.
     None where motions of several parameters turn far, or are no translations, rotations and screws about given lines.
 
-    Parameters
-    ----------
-    problem : Problem
-        Whose parts are apart.
-    amount : float
-        Of a motion with which they touch.
-    longer : bool
-        Look at ten times as many pieces of faces.
+    `problem`: whose parts are apart. `amount`: of a motion with which they touch. `longer`: look at ten times as many
+    pieces of faces.
     """
     if problem.amount != "weighted" or not amount > 0.0:
         return None

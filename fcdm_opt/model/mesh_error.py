@@ -58,16 +58,10 @@ def with_mesh_error(
 
     They are worked out when they are read, as that takes solves; at once where a time is given.
 
-    Parameters
-    ----------
-    solution : Solution
-    solve : callable
-        Solves the same question about other bodies, with an effort as in `fcdm_opt.solve`; None: it is told where that
-        is not needed, as contacts are of plane faces.
-    certify : bool
-        Go on for longer where a bound of parts that are apart takes long.
-    quick : bool
-        Only tell that parts do not fit whatever their mesh is.
+    - `solve`: solves the same question about other bodies, with an effort as in `fcdm_opt.solve`; None: it is told
+      where that is not needed, as contacts are of plane faces.
+    - `certify`: go on for longer where a bound of parts that are apart takes long.
+    - `quick`: only tell that parts do not fit whatever their mesh is.
     """
     if quick and solution.usable:
         return solution

@@ -43,38 +43,17 @@ REMEMBERED = 8  # motions whose poses and gaps are kept: stages and report ask a
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a stage or a local search gives; with a motion made by `Task.answer`.
-
-    Attributes
-    ----------
-    status : Status
-    q : (k,) array or None
-        Motion parameters.
-    stage : str
-        Which stage, and why it sufficed.
-    lower_bound : float
-        No smaller amount is possible.
-    active : tuple of str
-        What stops the motion from being smaller.
-    modelled : dict
-        What is in the program that the motion solves, see `Task.modelled`.
-    last : bool
-        No later stage is to be asked.
-    amount : float
-        Of the motion; infinite without.
-    unique : float
-        See `Solution.unique_within`.
-    """
+    """What a stage or a local search gives; with a motion made by `Task.answer`."""
 
     status: Status
-    q: Array | None
-    stage: str
-    lower_bound: float = 0.0
-    active: tuple[str, ...] = ()
-    modelled: dict[str, int] | None = None
-    last: bool = False
-    amount: float = math.inf
-    unique: float = 0.0
+    q: Array | None  # motion parameters, (k,)
+    stage: str  # which stage, and why it sufficed
+    lower_bound: float = 0.0  # no smaller amount is possible
+    active: tuple[str, ...] = ()  # what stops the motion from being smaller
+    modelled: dict[str, int] | None = None  # what is in the program that the motion solves, see `Task.modelled`
+    last: bool = False  # no later stage is to be asked
+    amount: float = math.inf  # of the motion; infinite without
+    unique: float = 0.0  # see `Solution.unique_within`
 
     @property
     def motion(self) -> Array:
@@ -106,72 +85,36 @@ class ObstaclePart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and obstacle j.
-
-    Attributes
-    ----------
-    movable, static : Body
-    motion : Motion
-    weights : (k,) array
-    limits : (k, 2) array
-        Zero for parameters that "seat" holds.
-    goal : "beyond", "at", "seat", "touch" or "clear"
-    nominal, target : (2,) arrays
-        The pair that a tracked contact leaves, the target itself where none is tracked; and the target pair.
-    signs : (2,) array
-        Side of the target that "beyond" asks for; 0 where none is tracked.
-    tracked : tuple of FeaturePoints
-        The features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear".
-    pair : "any", "clear" or "touch"
-        State that the target pair must have besides the goal.
-    clearance : float
-        Length units.
-    coherent : bool
-        Whether the tracked features must stay the contact along the ray.
-    size : float
-        Length that relative tolerances refer to.
-    flush : tuple
-        Of each tracked feature of "beyond" and "at", itself where more than a point is in contact and must stay so.
-    keep_out : tuple of KeepOut
-    seats : tuple of Flush
-        The flush contacts that "seat" keeps, tracked or not.
-    untracked : tuple of FeaturePoints
-        One feature for each plane of flush contacts that is not tracked; those of all `joints`, see `lines_of`.
-    joints : tuple of Joint
-        Contacts that are restored together: then none is tracked.
-    amount_kind : "weighted", "displacement" or OwnAmount
-        What is made least; "displacement" of `made_vertices`.
-    resolution : (k,) array or None
-        Steps of the machine, 0 where a parameter has none.
-    restored : bool
-        Whether all contacts of true faces that are closed after a motion are to be, see `Problem.to_touch`.
-    length_unit : str
-        Unit of lengths, in what is told; "" without.
-    """
+    """A problem in the solver's terms. Part pairs (i, j) are of part i of body 1 and obstacle j."""
 
     movable: Body
     static: Body
     motion: Motion
-    weights: Array
-    limits: Array
-    goal: str
+    weights: Array  # (k,)
+    limits: Array  # zero for parameters that "seat" holds, (k, 2)
+    goal: str  # "beyond", "at", "seat", "touch" or "clear"
+    # (2,): the pair that a tracked contact leaves, the target itself where none is tracked; and the target pair
     nominal: Array
     target: Array
-    signs: Array
+    signs: Array  # (2,): side of the target that "beyond" asks for; 0 where none is tracked
+    # the features of the nominal contact: two at a switching point, one inside a segment, none for "touch", "clear"
     tracked: tuple[FeaturePoints, ...]
-    pair: str
-    clearance: float
-    coherent: bool
-    size: float
+    pair: str  # state that the target pair must have besides the goal, "any", "clear" or "touch"
+    clearance: float  # length units
+    coherent: bool  # whether the tracked features must stay the contact along the ray
+    size: float  # length that relative tolerances refer to
+    # of each tracked feature of "beyond" and "at", itself where more than a point is in contact and must stay so
     flush: tuple[Feature | None, ...] = ()
     keep_out: tuple[KeepOut, ...] = ()
-    seats: tuple[Flush, ...] = ()
+    seats: tuple[Flush, ...] = ()  # the flush contacts that "seat" keeps, tracked or not
+    # one feature for each plane of flush contacts that is not tracked; those of all `joints`, see `lines_of`
     untracked: tuple[FeaturePoints, ...] = ()
-    joints: tuple[Joint, ...] = ()
-    amount_kind: str | OwnAmount = "weighted"
-    resolution: Array | None = None
+    joints: tuple[Joint, ...] = ()  # contacts that are restored together: then none is tracked
+    amount_kind: str | OwnAmount = "weighted"  # what is made least; "displacement" of `made_vertices`
+    resolution: Array | None = None  # steps of the machine, 0 where a parameter has none, (k,)
+    # whether all contacts of true faces that are closed after a motion are to be, see `Problem.to_touch`
     restored: bool = False
-    length_unit: str = ""
+    length_unit: str = ""  # unit of lengths, in what is told; "" without
     # the least answer made so far, for a search that ends before it is through; none in most tasks
     found: list[Answer] = field(default_factory=list, init=False)
     _poses: dict[bytes, Array] = field(default_factory=dict, init=False)
@@ -307,15 +250,10 @@ class Task:
     ) -> dict[str, int]:
         """Return the counts of a program: the same keys whatever the stage; none kept without a program.
 
-        Parameters
-        ----------
-        kept : collection of (i, j)
-            Part pairs in it.
-        variables, constraints : int
-            Its unknowns, and its rows besides the limits of variables.
-        features : int
-            Pairs of elements that its rows are made of, and vertices held by separating planes; in all there are
-            `features`.
+        - `kept`, collection of (i, j): part pairs in it.
+        - `variables`, `constraints`: its unknowns, and its rows besides the limits of variables.
+        - `features`: pairs of elements that its rows are made of, and vertices held by separating planes; in all there
+          are `features`.
         """
         keep_outs = {self.obstacles[j].keep_out for _, j in kept} - {-1}
         return {
@@ -332,13 +270,8 @@ class Task:
     def modelled_by_gaps(self, q: Array, kept: Collection[Parts] | None = None) -> dict[str, int]:
         """Return the counts of a program in which each part pair is one row: its largest separation over its facets.
 
-        Parameters
-        ----------
-        q : (k,) array
-            Where the facets are counted.
-        kept : collection of (i, j), optional
-            Part pairs in it; by default those that bounds do not tell to be further off than the nearest, and than is
-            needed, see `pair_gaps`.
+        `q` (k,): where the facets are counted. `kept`, collection of (i, j), optional: part pairs in it; by default
+        those that bounds do not tell to be further off than the nearest, and than is needed, see `pair_gaps`.
         """
         kept, pose = self._near(q) if kept is None else kept, self.pose(q)
         features = sum(len(self.separations(parts, pose)[2]) for parts in kept)
@@ -497,12 +430,7 @@ class Task:
         A gap changes as the point of body 1 recedes at which its elements meet, or would along the normal: however the
         normal turns with it. nan along parallel edges, which have no such point, of a motion that turns.
 
-        Parameters
-        ----------
-        parts : (i, j)
-        q : (k,) array
-        sites, normals : (m, 3) arrays
-            As `separations` gives them after the motion.
+        `parts` (i, j). `q` (k,). `sites`, `normals` (m, 3): as `separations` gives them after the motion.
         """
         (T, rates), one, other = self.rates(q), self.movable.parts[parts[0]], self.obstacles[parts[1]]
         first = self.target[0] * (one.vertices - one.seed) @ T[:3, :3].T + T[:3, :3] @ one.seed + T[:3, 3]
@@ -708,16 +636,13 @@ class Task:
         return found
 
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
-        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats) and all(
-            whole is None or whole == self._support(feature, pose, rho)
-            for whole, feature in zip(self.flush, tracked, strict=False)
-        )
-
-    def _support(self, feature: Tracked, pose: Array, rho: Array) -> Feature:
-        """Return what touches along a tracked feature's normal."""
-        one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
-        contact = supporting_contact(one, two, feature.normal, pose)
-        return located(one, two, pose, contact, rho).feature
+        for whole, feature in zip(self.flush, tracked, strict=False):
+            one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
+            if whole is not None:
+                contact = supporting_contact(one, two, feature.normal, pose)
+                if whole != located(one, two, pose, contact, rho).feature:
+                    return False
+        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.

@@ -43,21 +43,15 @@ Points = dict[str, list[list[float]]]
 
 
 class Exchange:
-    """A question of two parts, which are made exact at more and more points of their round faces.
+    """A question of two parts, which are made exact at more and more points of their round faces."""
 
-    Attributes
-    ----------
-    facets : Problem
-        The question about the parts as they are drawn.
-    points : mapping of "movable", "static" to lists of points
-        See `Problem.exact_at`.
-    need : float
-        Least gap that is asked for.
-    """
+    facets: Problem  # the question about the parts as they are drawn
+    points: Points  # of "movable" and "static", see `Problem.exact_at`
+    need: float  # least gap that is asked for
 
     def __init__(self, problem: Problem) -> None:
         self.facets, known = problem.of_facets, problem.exact_at or {}
-        self.points: Points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
+        self.points = {role: [[*point] for point in known.get(role, ())] for role in ("movable", "static")}
         self.need = self.facets.clearance if "clear" in (self.facets.goal, self.facets.pair) else 0.0
         self._slack = self.facets.contact_slack
         self._last: tuple[Array, float, list[NearestPoints]] | None = None
@@ -306,13 +300,8 @@ def points_of_true_faces(
 
     None where all faces are plane, where what they are is not known, or no motion is found so.
 
-    Parameters
-    ----------
-    problem : Problem
-    solve : callable
-        Solves the same question about other parts.
-    refused : callable
-        Tells whether a motion found so is no answer, as it leaves the fit.
+    `solve`: solves the same question about other parts. `refused`: tells whether a motion found so is no answer, as it
+    leaves the fit.
     """
     asked = Exchange.of(problem)
     if asked is None:
@@ -397,14 +386,9 @@ def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]], a
 
     The question itself where all faces are plane, where what they are is not known, or it comes to no end.
 
-    Parameters
-    ----------
-    problem : Problem
-    poses : callable
-        Of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of them
-        true faces overlap where the parts are not exact. At the first, parts are made exact where they are nearest.
-    apart : float
-        How far apart they may be there, as facets say.
+    - `poses`: of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of
+      them true faces overlap where the parts are not exact. At the first, parts are made exact where they are nearest.
+    - `apart`: how far apart they may be there, as facets say.
     """
     asked = Exchange.of(problem)
     for count in range(ROUNDS if asked is not None else 0):

@@ -52,11 +52,8 @@ def text_of(function: Any) -> str:
 def function_of(text: str) -> Any:
     """Return the casadi.Function of SX symbols of which a text is, built anew.
 
-    Raises
-    ------
-    ValueError
-        For any other text: of functions of MX symbols (give `function.expand()`), of those that call others, that are
-        compiled or come from a library, and of a release of CasADi whose form is not known.
+    Raises `ValueError` for any other text: of functions of MX symbols (give `function.expand()`), of those that call
+    others, that are compiled or come from a library, and of a release of CasADi whose form is not known.
     """
     try:
         return _built(*json.loads(text)) if text[:1] == "[" else _Reader(text).function()
@@ -225,13 +222,10 @@ class _Reader:
         return str(self._take(f"<{self._int()}s")[0].decode())
 
     def _list(self, read: Callable[[], T]) -> list[T]:
-        return [read() for _ in range(self._length())]
-
-    def _length(self) -> int:
         length = self._long()
         if not 0 <= length <= len(self._bytes):
             raise ValueError(f"a list of {length}")
-        return length
+        return [read() for _ in range(length)]
 
     # ------------------------------------------------------------------------------------------------- what is refused
 

@@ -97,10 +97,7 @@ class Instructions:
     def carried_out(self, arithmetic: Arithmetic, *inputs: Sequence[Any]) -> list[list[Any]]:
         """Return the outputs, column by column, for inputs of any kind of number.
 
-        Raises
-        ------
-        NotImplementedError
-            For an operation that the arithmetic does not have.
+        Raises `NotImplementedError` for an operation that the arithmetic does not have.
         """
         constant = arithmetic.get("CONST", float)
         work: list[Any] = [None] * self.places

@@ -19,11 +19,7 @@ class Compiled(threading.local):
 
     Each thread has buffers of its own.
 
-    Parameters
-    ----------
-    function : casadi.Function
-    fixed : arrays
-        Its last arguments, the same at every call.
+    `fixed`: its last arguments, the same at every call.
     """
 
     def __init__(self, function: Any, *fixed: Array) -> None:
@@ -95,11 +91,7 @@ class Kinematics:
 
     Where a screw between the seeds has lost its axis, poses are not finite: nothing is checked here.
 
-    Parameters
-    ----------
-    motion : Motion
-    seeds : (6,) array
-        s_1 and s_2 as drawn.
+    `seeds` (6,): s_1 and s_2 as drawn.
     """
 
     def __init__(self, motion: Any, seeds: Array) -> None:

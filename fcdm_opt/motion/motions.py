@@ -412,10 +412,10 @@ class Straight(Step):
         """Return a shift along the line, a turn about it by the right-hand rule, or both."""
         along, about = self.movements(q)
         if about and along:
-            return "screw", f"{_angle(about)} about and {_length(along, unit)} along {self.told_line(1.0)}"
+            return "screw", f"{_angle(about)} about and {measured(along, unit, 4)} along {self.told_line(1.0)}"
         if about:
             return "turn", f"{_angle(abs(about))} about {self.told_line(about)}"
-        return "move", f"{_length(abs(along), unit)} along {self.told_line(along)}"
+        return "move", f"{measured(abs(along), unit, 4)} along {self.told_line(along)}"
 
     def told_line(self, sign: float) -> str:
         """Return the line in words, backwards where the sign is negative; a seed that it goes through is not told."""
@@ -619,7 +619,7 @@ class Screw(Straight):
         if not isinstance(self.axis, str):
             return self.axis[1], self.axis[0]
         offset = tuple(b - a for a, b in zip(movable_seed, static_seed, strict=True))
-        length = _sqrt(sum(x * x for x in offset))
+        length = _of(sum(x * x for x in offset), "sqrt")
         if isinstance(length, float) and length <= ROUNDING * max(map(abs, (*movable_seed, *static_seed))):
             what = "the seeds coincide: they define no screw axis"
             raise InputError(what, key="Screw.axis", found=length, allowed="a line (point, direction)")
@@ -730,12 +730,12 @@ class Free(Step):
     def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return a shift, and a turn about the seed."""
         told = []
-        for vector, size, where in ((q[:3], lambda x: _length(x, unit), "along"), (q[3:], _angle, "about")):
+        for vector, size, where in ((q[:3], lambda x: measured(x, unit, 4), "along"), (q[3:], _angle, "about")):
             if (long := math.hypot(*vector)) > 0.0:
                 told.append(f"{size(long)} {where} {_way([x / long for x in vector], 1.0)}")
         if any(q[3:]):
             told[-1] += " through its seed"
-        return "move", ", turned ".join(told) or _length(0.0, unit)
+        return "move", ", turned ".join(told) or measured(0.0, unit, 4)
 
     def own_shifts_by(self, q: list[float], first: bool) -> bool:
         """Where no rotation is asked."""
@@ -774,28 +774,21 @@ SMALL = 1.0  # squares of angles below which series are used: no digits are lost
 TERMS = 12  # of these series: what is left out, and its second derivative, is below rounding
 
 
-def _cos(x: Any) -> Any:
-    return math.cos(x) if isinstance(x, float) else x.cos()
-
-
-def _sin(x: Any) -> Any:
-    return math.sin(x) if isinstance(x, float) else x.sin()
-
-
-def _sqrt(x: Any) -> Any:
-    return math.sqrt(x) if isinstance(x, float) else x.sqrt()
+def _of(x: Any, name: str) -> Any:
+    """Return "cos", "sin" or "sqrt" of a scalar."""
+    return getattr(math, name)(x) if isinstance(x, float) else getattr(x, name)()
 
 
 def _sinc(square: Any) -> Any:
     """Return sin(r) / r of r^2."""
-    return square.sinc() if hasattr(square, "sinc") else _smooth(square, lambda r: _sin(r) / r, 1)
+    return square.sinc() if hasattr(square, "sinc") else _smooth(square, lambda r: _of(r, "sin") / r, 1)
 
 
 def _versine(square: Any) -> Any:
     """Return (1 - cos r) / r^2 of r^2."""
     if hasattr(square, "versine"):
         return square.versine()
-    return _smooth(square, lambda r: 2.0 * (_sin(0.5 * r) / r) * (_sin(0.5 * r) / r), 2)
+    return _smooth(square, lambda r: 2.0 * (_of(0.5 * r, "sin") / r) * (_of(0.5 * r, "sin") / r), 2)
 
 
 def _smooth(square: Any, far: Callable[[Any], Any], first: int) -> Any:
@@ -810,7 +803,7 @@ def _smooth(square: Any, far: Callable[[Any], Any], first: int) -> Any:
 
     near = square < SMALL
     inside, outside = casadi.if_else(near, square, 0.0), casadi.if_else(near, SMALL, square)
-    return casadi.if_else(near, _series(inside, first), far(_sqrt(outside)))
+    return casadi.if_else(near, _series(inside, first), far(_of(outside, "sqrt")))
 
 
 def _series(square: Any, first: int) -> Any:
@@ -846,7 +839,7 @@ def _turn(u: tuple[Any, ...], centre: tuple[Any, ...], angle: Any, along: Any) -
     shift = tuple(along * x for x in u)
     if isinstance(angle, float) and angle == 0.0:
         return _about(IDENTITY, ORIGIN, shift)
-    c, s = _cos(angle), _sin(angle)
+    c, s = _of(angle, "cos"), _of(angle, "sin")
     x, y, z = u
     skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
     R = tuple(
@@ -900,10 +893,6 @@ def _hashable(axis: Any) -> Any:
 
 def _axis_name(axis: Any) -> str:
     return axis.upper() if isinstance(axis, str) else ""
-
-
-def _length(x: float, unit: str) -> str:
-    return measured(x, unit, 4)
 
 
 def _angle(x: float) -> str:

@@ -15,20 +15,11 @@ from fcdm_opt.motion.motions import IDENTITY, Matrix, Motion, Parameter, Step, p
 
 @dataclass(frozen=True)
 class Carrying:
-    """The motion of one part relative to the part that it follows.
-
-    Attributes
-    ----------
-    motion : Motion
-    start : int
-        Place of its first parameter among those of all.
-    seeds : two points
-        Of the part and of what it follows, as drawn.
-    """
+    """The motion of one part relative to the part that it follows."""
 
     motion: Motion
-    start: int
-    seeds: tuple[tuple[float, ...], tuple[float, ...]]
+    start: int  # place of its first parameter among those of all
+    seeds: tuple[tuple[float, ...], tuple[float, ...]]  # of the part and of what it follows, as drawn
 
     def transform(self, q: Sequence[Any]) -> Matrix:
         """Return its 4x4 transform at the parameters of all, of any kind of scalars."""
@@ -43,17 +34,10 @@ class Carrying:
 
 @dataclass(frozen=True)
 class Relative(Step):
-    """A part as another sees it, in the parameters of all motions: T_2^-1 T_1, T the product of what carries each.
+    """A part as another sees it, in the parameters of all motions: T_2^-1 T_1, T the product of what carries each."""
 
-    Attributes
-    ----------
-    every : tuple of Parameter
-        The parameters of all.
-    one, two : tuples of Carrying
-        What carries the part that is seen and the part that sees, from the fixed part on; what they share is left out.
-    """
-
-    every: tuple[Parameter, ...]
+    every: tuple[Parameter, ...]  # the parameters of all
+    # what carries the part that is seen and the part that sees, from the fixed part on; what they share is left out
     one: tuple[Carrying, ...]
     two: tuple[Carrying, ...]
 

@@ -51,14 +51,8 @@ def active_bodies(
 ) -> tuple[tuple[Body, Body], Box]:
     """Return both bodies with only the parts that are looked at, and the box of their curve; as given where all are.
 
-    Parameters
-    ----------
-    movable, static : Body
-        At the sizes made.
-    nominal, box
-        See `Problem`.
-    indices : pair of int arrays, optional
-        Parts of either body that are; by default those near each other as drawn.
+    `movable`, `static`: at the sizes made. `nominal`, `box`: see `Problem`. `indices`, optional: parts of either body
+    that are; by default those near each other as drawn.
     """
     few = len(movable.parts) * len(static.parts) <= FEW and not (movable.is_surface or static.is_surface)
     if isinstance(nominal, int) or few:
@@ -114,14 +108,7 @@ def _near(
 def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array | None = None) -> Problem:
     """Return the problem with all parts active, too, whose surfaces come as near to the other body's as a length.
 
-    Parameters
-    ----------
-    problem : Problem
-    transform : (4, 4) array
-        Pose change of body 1.
-    band : float
-    rho : (2,) array, optional
-        Scale pair; by default the target pair.
+    `transform` (4, 4): pose change of body 1. `rho` (2,), optional: scale pair; by default the target pair.
     """
     if not problem.partial:
         return problem
@@ -146,19 +133,9 @@ def with_parts_met_along(
 ) -> tuple[Problem, float]:
     """Return the problem with parts active that may touch next after some motion q = x * along, low <= x <= high.
 
-    Parameters
-    ----------
-    problem : Problem
-    along : (k,) array
-    near : callable
-        Takes both ends of a stretch of x; returns the scale pair in its middle, and how near parts are there at most
-        that touch anywhere on it. Stretches are halved until that is not far.
-    low, high : float
-
-    Returns
-    -------
-    problem, x
-        The same problem where no more parts may touch, and up to where that is so.
+    The same problem where no more parts may touch; and up to which x that is so. `near` takes both ends of a stretch of
+    x; it returns the scale pair in its middle, and how near parts are there at most that touch anywhere on it.
+    Stretches are halved until that is not far.
     """
     stretches, least = [(low, high)] if problem.partial and high > low else [], DEFAULT.point * high
     while stretches:
@@ -186,16 +163,10 @@ def expand_active_parts(
 ) -> Problem | None:
     """Return the problem with further parts that an answer shows to matter; None where no others do.
 
-    Parameters
-    ----------
-    problem : Problem
-    transform : (4, 4) array or None
-        The pose that was found; None where none was.
-    amount : float
-        The amount of the motion to it. Of goals that want a contact, whichever, parts that may touch after a smaller
-        motion matter too; infinite where there is none.
-    most : int
-        Pairs of parts that are taken up for one reason, the worst first.
+    - `transform` (4, 4): the pose that was found; None where none was.
+    - `amount`: the amount of the motion to it. Of goals that want a contact, whichever, parts that may touch after a
+      smaller motion matter too; infinite where there is none.
+    - `most`: pairs of parts that are taken up for one reason, the worst first.
     """
     known = problem.active_indices
     if known is None:

@@ -47,8 +47,7 @@ if TYPE_CHECKING:
 ROLES = ("movable", "static")
 FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 UNNAMED = "body"  # a body that was given no name
-CLEAR = {"goal": "clear"}
-"""What is asked of two parts without a contact: that they do not overlap."""
+CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
 CORNERS = ("worst", "loosest", "low", "high", "middle")
 
 
@@ -239,11 +238,10 @@ class Assembly(Scene):
             ),
             "fixed": resting,
             "request": request,
+            "_problems": {},
+            "_alike": None,
         }
-        for key, value in own.items():
-            object.__setattr__(self, key, value)
-        object.__setattr__(self, "_problems", {})
-        object.__setattr__(self, "_alike", None)
+        vars(self).update(own)
         if amount == "displacement":
             what = "the largest displacement is of one part, and here several may move"
             allowed = '"weighted", or an expression of all parameters, "PART.PARAMETER"'
@@ -350,16 +348,12 @@ class Assembly(Scene):
         Of what does not depend on scales nothing is worked out again where these alone are others.
         """
         if arguments.keys() == {"scales"}:
-            return self._rescaled(arguments["scales"])
+            other, scales = object.__new__(Assembly), _numbers(arguments["scales"], "scales", self.parts)
+            own = {"scales": dict.fromkeys(self.parts, 1.0) | scales, "request": {**self.request, **arguments}}
+            vars(other).update(vars(self) | own | {"_alike": self._alike or self, "_problems": {}})
+            other._check_contacts()
+            return other
         return Assembly(**{**self.request, **arguments})
-
-    def _rescaled(self, scales: Mapping[str, float] | None) -> Assembly:
-        other = object.__new__(Assembly)
-        own = {"scales": dict.fromkeys(self.parts, 1.0) | _numbers(scales, "scales", self.parts)}
-        known = {"request": {**self.request, "scales": scales}, "_alike": self._alike or self, "_problems": {}}
-        other.__dict__.update(vars(self) | own | known)
-        other._check_contacts()
-        return other
 
     def with_sizes(self, values: Mapping[str, float]) -> Assembly:
         """Return the same question with other sizes or scales made; raises as the constructor does."""
@@ -642,7 +636,8 @@ def _followed(
     found: dict[str, str] = {}
     reached = [*fixed]
     for part in reached:  # grows meanwhile
-        for other in _neighbours(part, joined):
+        for pair in (pair for pair in joined if part in pair[:2]):
+            other = pair.two if pair.one == part else pair.one
             if other not in reached:
                 reached.append(other)
                 found[other] = part
@@ -664,12 +659,6 @@ def _turned(pair: JoinedPair, follows: Mapping[str, str]) -> JoinedPair:
     """Return a contact with the part first that follows the other, unless labels tell which is which."""
     labelled = isinstance(pair.asked.get("contacts"), list)
     return JoinedPair(pair.two, pair.one, pair.asked) if follows.get(pair.two) == pair.one and not labelled else pair
-
-
-def _neighbours(part: str, joined: Sequence[JoinedPair]) -> Iterator[str]:
-    for pair in joined:
-        if part in pair[:2]:
-            yield pair.two if pair.one == part else pair.one
 
 
 def _off_by(

@@ -24,26 +24,13 @@ from fcdm_opt.tolerances import DEFAULT
 
 
 class BallOnFace(NamedTuple):
-    """A ball of one body and a face of the other, which touch where the contact is closed.
+    """A ball of one body and a face of the other, which touch where the contact is closed."""
 
-    Attributes
-    ----------
-    holder : int
-        0 where the face is of the movable body, 1 where it is of the static one.
-    centre : (3,) array
-        Of the ball, of its body as made, where it was drawn.
-    radius : float
-    face : Patch
-        Of its body as made, where it was drawn.
-    feature : Feature
-        The elements of the bodies that meet there, faces of facets for round ones.
-    """
-
-    holder: int
-    centre: Array
+    holder: int  # 0 where the face is of the movable body, 1 where it is of the static one
+    centre: Array  # of the ball, of its body as made, where it was drawn, (3,)
     radius: float
-    face: Patch
-    feature: Feature
+    face: Patch  # of its body as made, where it was drawn
+    feature: Feature  # the elements of the bodies that meet there, faces of facets for round ones
 
     @property
     def plane(self) -> tuple[Array, Array] | None:

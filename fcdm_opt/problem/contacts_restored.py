@@ -23,8 +23,7 @@ STARTS = 0.0, 0.05, -0.05  # of the size: where contacts change with the square 
 MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
-Pairs = set[tuple[int, int]]
-"""True faces of either body that meet in a point, by number."""
+Pairs = set[tuple[int, int]]  # true faces of either body that meet in a point, by number
 
 
 def touching_again(problem: Problem) -> Problem | None:
@@ -95,28 +94,18 @@ def restores(problem: Problem, transform: Array) -> bool:
 
 
 class RestoringMotion(NamedTuple):
-    """The least motion after which true faces that touch as drawn touch again.
+    """The least motion after which true faces that touch as drawn touch again."""
 
-    Attributes
-    ----------
-    q : (k,) array or None
-        Motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together, and where
-        the motion is beyond limits.
-    points : list of list of NearestPoints
-        Of each question where they touch then.
-    bound : float
-        Least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these;
-        infinite where no shift does. 0 of motions that turn.
-    nearest : (k,) array or None
-        Without one, the motion parameters at which the squares of all gaps are least, or those beyond limits.
-    remaining : tuple of arrays
-        Gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap.
-    """
-
+    # (k,): motion parameters; None where no shift does it, as the gaps, linear in them, are not closed together, and
+    # where the motion is beyond limits
     q: Array | None
-    points: list[list[NearestPoints]]
+    points: list[list[NearestPoints]]  # of each question where they touch then
+    # least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these; infinite
+    # where no shift does. 0 of motions that turn
     bound: float
+    # without one, the motion parameters at which the squares of all gaps are least, or those beyond limits, (k,)
     nearest: Array | None = None
+    # gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap
     remaining: tuple[Array, ...] = ()
 
 
@@ -126,10 +115,7 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
     By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
     which no smaller one does. None where it is not found.
 
-    Parameters
-    ----------
-    asked : sequence of Problem
-        Of two parts each, about the same motions.
+    `asked`: of two parts each, about the same motions.
     """
     asked = [own.of_facets for own in asked]
     first, before = asked[0], [_met_as_drawn(own) for own in asked]

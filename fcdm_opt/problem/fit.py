@@ -29,8 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 REST = np.eye(4)
 
-FAR = 2.0
-"""Sizes of the larger part between the parts, from which on they are likely to be drawn in different frames."""
+FAR = 2.0  # sizes of the larger part between the parts, from which on they are likely to be drawn in different frames
 
 DIGITS = (1 << 21) ** np.arange(2, -1, -1)  # of numbers below a million, in one
 LINE_TO_LINE = "drawn line to line"
@@ -171,7 +170,8 @@ def holds(problem: Problem) -> bool:
     """
     if kept_as_surface(*drawn_bodies(problem)) and overlap_as_drawn(problem) > 1.0:
         return False
-    return any(_enclose(_walls(problem, most)[0]) for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+    each = (_walls(problem, most)[0] for most in (2.0 * _change(problem), np.inf))  # the nearest may do
+    return any(len(own) > 0 and _most_room(own, np.zeros(len(own)))[0] <= DEFAULT.partition for own in each)
 
 
 def overlap_as_drawn(problem: Problem) -> float:
@@ -179,11 +179,6 @@ def overlap_as_drawn(problem: Problem) -> float:
     drawn = drawn_bodies(problem)
     solids = PlacedSolids(*drawn, problem.nominal_pair, REST)
     return (solids.depth or -solids.distance) / (HAIR * min(body.size for body in drawn))
-
-
-def _enclose(normals: Array) -> bool:
-    """Tell whether 0 is among unit normals, (k, 3): none leads away from all; false without any."""
-    return bool(len(normals)) and _most_room(normals, np.zeros(len(normals)))[0] <= DEFAULT.partition
 
 
 def _most_room(normals: Array, gaps: Array) -> tuple[float, Array]:

@@ -299,6 +299,7 @@ def of_kind(kind: type, example: str = "") -> BeforeValidator:
 
 
 _NoneIsEmpty = BeforeValidator(lambda value: {} if value is None else value)
+_Tuple = BeforeValidator(lambda values: tuple(values) if isinstance(values, list) else values)
 
 
 def _ordered(value: Any, handler: Any) -> Any:
@@ -310,10 +311,6 @@ def _ordered(value: Any, handler: Any) -> Any:
 
 
 _Interval = Annotated[tuple[Bound, Bound], WrapValidator(_ordered)]
-
-
-def _tuple(values: Any) -> Any:
-    return tuple(values) if isinstance(values, list) else values
 
 
 class Arguments(Case):
@@ -337,7 +334,7 @@ class Arguments(Case):
     )
     movable: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
     static: Annotated[Any, of_kind(Body)] = declared(..., "a Body")
-    sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], BeforeValidator(_tuple)] = declared((), "Sizes")
+    sizes: Annotated[tuple[Annotated[Any, of_kind(Size)], ...], _Tuple] = declared((), "Sizes")
     unit: UnitOrNone = declared("", '"m", "cm", "mm", "um", "in", "ft" or ""')
 
 
@@ -347,7 +344,11 @@ ARGUMENTS = ("movable", "static", *(key for key in Arguments.model_fields if key
 
 def checked_arguments(model: type[Entry], given: Mapping[str, Any]) -> Any:
     """Return arguments as an entry; raises `InputError` that names the argument."""
-    return checked(model, {key: _bare(value) for key, value in given.items()}, placed=_argument)
+
+    def placed(place: Sequence[Any], given: Mapping[str, Any]) -> str:
+        return ".".join(item for item in place if isinstance(item, str))  # an item of a sequence has no name of its own
+
+    return checked(model, {key: _bare(value) for key, value in given.items()}, placed=placed)
 
 
 def _bare(value: Any) -> Any:
@@ -361,11 +362,6 @@ def _bare(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _bare(item) for key, item in value.items()}
     return type(value)(map(_bare, value)) if type(value) in (list, tuple) else value
-
-
-def _argument(place: Sequence[Any], given: Mapping[str, Any]) -> str:
-    """Return the argument that a place is in: an item of a sequence has no name of its own."""
-    return ".".join(item for item in place if isinstance(item, str))
 
 
 # ----------------------------------------------------------------------------------------------------- cases of a file

@@ -164,10 +164,7 @@ class NominalContact:
     def chosen_contacts(self, asked: Any) -> tuple[Feature, ...]:
         """Return the nominal contacts of these labels, in their order; all for "all", none for None.
 
-        Raises
-        ------
-        InputError
-            For a label that is not one of them, and one that is given twice.
+        Raises `InputError` for a label that is not one of them, and one that is given twice.
         """
         known = tuple(joint.feature for joint in self.nominal_joints) if asked is not None else ()
         if asked is None or asked == "all":

@@ -59,8 +59,7 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
-SCALES = ("rho_1", "rho_2")
-"""Names of the scales of the movable and of the static body."""
+SCALES = ("rho_1", "rho_2")  # names of the scales of the movable and of the static body
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
 MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no more closely
@@ -356,9 +355,12 @@ class Problem(NominalContact, Scene, NotebookRepr):
         Of what does not depend on these nothing is checked again.
         """
         same = all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items())
-        if same:
-            return self._resized(arguments)
-        return Problem(**{**self.request, **arguments})
+        if not same:
+            return Problem(**{**self.request, **arguments})
+        asked = checked_arguments(SizeKeys, arguments)
+        request = {**self.request, **{key: getattr(asked, key) for key in arguments}}
+        kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")}
+        return _with_attributes({**kept, "request": request, **_sizes_made(request, self)})
 
     def with_sizes(self, values: Mapping[str, float]) -> Problem:
         """Return the same question for a target pair, or other sizes made, or both."""
@@ -417,13 +419,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def with_active_parts(self, indices: Indices) -> Problem:
         """Return the same question with other parts of large bodies looked at; see `problem.active_parts`."""
         return _with_attributes(_resolved(self.request, indices, self))
-
-    def _resized(self, sizes: Mapping[str, Any]) -> Problem:
-        """Return the same question for another tolerance or target, of which nothing depends but the pair made."""
-        asked = checked_arguments(SizeKeys, sizes)
-        request = {**self.request, **{key: getattr(asked, key) for key in sizes}}
-        same = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")}
-        return _with_attributes({**same, "request": request, **_sizes_made(request, self)})
 
     # --------------------------------------------------------------------------------------------------- plain data
 
@@ -539,11 +534,13 @@ def _resolved(
     names, others = asked.motion.names, keep_outs(asked.keep_out)
     units = {"movable": asked.movable.unit, "static": asked.static.unit}
     units |= {f"keep_out[{k}]": other.body.unit for k, other in enumerate(others, 1)}
+    # walls that the digits of files cannot tell apart are made the same
+    one, two, *rest = matched((asked.movable, asked.static, *(other.body for other in others)), asked.motion.directions)
     request = {
         **{key: getattr(asked, key) for key in ARGUMENTS},
         "amount": amount(asked.amount, names),
         "unit": unit_of(asked.unit, units),
-        **_matched(asked.movable, asked.static, others, asked.motion),
+        **{"movable": one, "static": two, "keep_out": tuple(map(KeepOut.with_body, others, rest))},
     }
     request |= {role: fit_for_sizes(request[role], own) for role, own in _sizes_of(asked.sizes).items()}
     if before is None:
@@ -633,12 +630,6 @@ def _asked(given: Mapping[str, Any]) -> Arguments:
     _check_motion(asked)
     _check_agreement(asked)
     return asked
-
-
-def _matched(movable: Body, static: Body, others: Sequence[KeepOut], motion: Motion) -> dict[str, Any]:
-    """Return the bodies as given to a problem, with walls that their files' digits cannot tell apart made the same."""
-    one, two, *rest = matched((movable, static, *(other.body for other in others)), motion.directions)
-    return {"movable": one, "static": two, "keep_out": tuple(map(KeepOut.with_body, others, rest))}
 
 
 def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:

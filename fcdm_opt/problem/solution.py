@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, cast, get_args
 
 import numpy as np
 
@@ -28,14 +28,11 @@ from fcdm_opt.problem.problem import Problem
 
 MadeState = Literal["apart", "touching", "overlapping", "unknown"]
 Effort = Literal["proved", "quick"]
-EFFORTS = get_args(Effort)
-"""What `solve` may spend."""
+EFFORTS = get_args(Effort)  # what `solve` may spend
 
-LOOSE = 0.1
-"""Relative gap above which an amount is not to be taken for the least."""
+LOOSE = 0.1  # relative gap above which an amount is not to be taken for the least
 
-SURE = 0.01
-"""Share of an amount that its mesh may leave open for it to be called the smallest possible."""
+SURE = 0.01  # share of an amount that its mesh may leave open for it to be called the smallest possible
 
 MOST_CORNERS = 8  # of a face, which are listed where derivatives are printed
 FACETED = "their round faces are facets here"
@@ -101,11 +98,9 @@ WORDS = {
 UNTIMED = "No motion found by then, and none proved impossible: allow more time."
 UNFIT = "Choose a smaller tolerance, or other sizes."
 UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
-IN_TIME = "judged in time"
-"""Name of the one check of what the time given did not do for judging."""
+IN_TIME = "judged in time"  # name of the one check of what the time given did not do for judging
 
-ENDS = ("amount_low", "amount_high")
-"""What facets of round faces leave open of the amount."""
+ENDS = ("amount_low", "amount_high")  # what facets of round faces leave open of the amount
 
 IMPOSSIBLE = (Status.OUTSIDE_FIT, Status.INFEASIBLE)
 """What says that nothing can be done, which facets that stick out of round faces may be the only cause of."""
@@ -125,8 +120,7 @@ def kept_clear(name: str) -> str:
 UNCLAIMED = "no bound is claimed: that no smaller motion will do was not checked"
 """Note of the check of a proof where there is none."""
 
-UNMET = "cannot be met"
-"""Of a contact of an assembly that no motion meets."""
+UNMET = "cannot be met"  # of a contact of an assembly that no motion meets
 
 PARALLEL = "faces in contact stay parallel: round or pointed locators would let the part tilt"
 """Why flush contacts at unlike heights exclude each other."""
@@ -316,10 +310,6 @@ class _WhenRead:
         vars(solution)[self._name] = value
 
 
-def _when_read() -> Any:
-    return _WhenRead()
-
-
 def nearest_miss(problem: Problem) -> str:
     """Return what lacks at the nearest pose that a search finds, in words; "" where the time does not last."""
     return str(pacing.in_time(imported("design.fixed_pose.nearest_miss:nearest_miss"), problem, late=""))
@@ -332,8 +322,8 @@ class Bounded(Plain, NotebookRepr):
     status: Status
     amount: float = float("nan")
     lower_bound: float = 0.0
-    amount_low: float = _when_read()
-    amount_high: float = _when_read()
+    amount_low: float = cast("Any", _WhenRead())
+    amount_high: float = cast("Any", _WhenRead())
     active: tuple[str, ...] = ()
     stopped: str = ""
     certificate: Certificate | None = field(default=None, repr=False)
