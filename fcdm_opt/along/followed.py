@@ -65,19 +65,11 @@ LineAndConditions = tuple[Array | None, list[tuple[Conditions, Cause]]]
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A part pair on which a tracked feature can rest, with the conditions that make it real there.
-
-    Attributes
-    ----------
-    parts : tuple of int
-    corners : pair of (n, 3) arrays
-        Of either part's elements in contact, relative to its seed.
-    make : callable
-        Returns `line` and `groups`: of hundreds of part pairs on which a large face lies few are asked for them.
-    """
+    """A part pair on which a tracked feature can rest, with the conditions that make it real there."""
 
     parts: Parts
-    corners: tuple[Array, Array]
+    corners: tuple[Array, Array]  # (n, 3): of either part's elements in contact, relative to its seed
+    # returns `line` and `groups`: of hundreds of part pairs on which a large face lies few are asked for them
     make: Callable[[], LineAndConditions]
 
     @cached_property

@@ -25,24 +25,14 @@ BALANCED = DEFAULT.active**0.5  # as `Tolerances.stationary`: an amount is right
 
 
 class RoundContact(NamedTuple):
-    """Two true faces that touch, not at an edge of either.
+    """Two true faces that touch, not at an edge of either."""
 
-    Attributes
-    ----------
-    points : (2, 3) array
-        Of either body, as drawn.
-    frame : (3, 3) array
-        Two directions in the tangent plane where the motion ends, and the normal from body 1 to body 2.
-    bends : (2, 2, 2) array
-        Second derivatives of the gap to either face along these directions, positive where it is convex.
-    patches : (Patch, Patch)
-        As drawn.
-    """
-
-    points: Array
+    points: Array  # (2, 3): of either body, as drawn
+    # (3, 3): two directions in the tangent plane where the motion ends, and the normal from body 1 to body 2
     frame: Array
+    # (2, 2, 2): second derivatives of the gap to either face along these directions, positive where it is convex
     bends: Array
-    patches: tuple[Patch, Patch]
+    patches: tuple[Patch, Patch]  # as drawn
 
     def is_of(self, task: Task, parts: tuple[int, int], sites: Ints, normals: Array) -> bool:
         """Tell whether a pair of parts that meet at sites, in directions, does so in this contact, or beside it."""

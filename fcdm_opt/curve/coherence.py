@@ -17,19 +17,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """A feature of the tracked contact at some pose.
+    """A feature of the tracked contact at some pose."""
 
-    Attributes
-    ----------
-    parts, site : tuples of int
-        Part pair, and facet of the Minkowski difference.
-    normal, line : (3,) arrays
-        Unit direction from body 1 to body 2; (a, b, c).
-    """
-
-    parts: tuple[int, int]
+    parts: tuple[int, int]  # parts, site: part pair, and facet of the Minkowski difference
     site: tuple[int, int, int]
-    normal: Array
+    normal: Array  # normal, line: (3,): unit direction from body 1 to body 2; (a, b, c)
     line: Array
 
     @classmethod

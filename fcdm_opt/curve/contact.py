@@ -26,22 +26,12 @@ _ORDER = {"F": 0, "E": 1, "V": 2}
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """The elements of two parts that touch.
+    """The elements of two parts that touch."""
 
-    Attributes
-    ----------
-    feature : Feature
-        The bodies' elements that they belong to.
-    one, two : tuple of int
-        Vertices of the parts' own elements: one, two, or a face's, in order around it.
-    parallel : bool
-        Whether they are two parallel edges.
-    """
-
-    feature: Feature
-    one: Vertices
+    feature: Feature  # the bodies' elements that they belong to
+    one: Vertices  # one, two: vertices of the parts' own elements: one, two, or a face's, in order around it
     two: Vertices
-    parallel: bool = False
+    parallel: bool = False  # whether they are two parallel edges
 
     @property
     def configuration(self) -> Configuration:
@@ -292,25 +282,16 @@ def true_faces_met(feature: Feature, movable: Body, static: Body) -> TrueFacesMe
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A contact of two bodies, wherever their parts carry it.
-
-    Attributes
-    ----------
-    feature : Feature
-    parts : tuple of int
-        A part pair that touches so.
-    sites, normals : (k, 3) arrays
-        A facet of that pair's Minkowski difference in each direction in which the pair may come apart, and the
-        direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners and edges.
-    carriers : tuple of (int, int)
-        All part pairs that have the elements: a contact may slide over a seam.
-    """
+    """A contact of two bodies, wherever their parts carry it."""
 
     feature: Feature
-    parts: tuple[int, int]
+    parts: tuple[int, int]  # a part pair that touches so
+    # sites, normals: (k, 3): a facet of that pair's Minkowski difference in each direction in which the pair may come
+    # apart, and the direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners
+    # and edges
     sites: Ints
     normals: Array
-    carriers: tuple[tuple[int, int], ...]
+    carriers: tuple[tuple[int, int], ...]  # all part pairs that have the elements: a contact may slide over a seam
 
     def carried_by(self, movable: Body, static: Body) -> Joint:
         """Return the contact with all part pairs of the bodies that have its elements."""

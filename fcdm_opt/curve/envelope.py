@@ -40,34 +40,17 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Union:
-    """The overlap regions of two unions of parts, of all part pairs that can be on their curve in a box.
-
-    Attributes
-    ----------
-    movable, static : Body
-    regions : tuple of Region
-        In the order of the part pairs.
-    cells : (m, 4) array
-        Parts of the box, (low, high) of rho_1, then of rho_2. Outside them no curve passes.
-    members, shares : int arrays
-        Regions that matter in cell c: members[shares[c]:shares[c + 1]].
-    hiding : tuple of Region
-        Others, each of which holds parts of the box that no cell covers.
-    shared : tuple of bool
-        Of each region, whether other pairs that end with it along one line were left out for it.
-    walked : int
-        Part pairs that were looked at more closely than by bounds.
-    """
+    """The overlap regions of two unions of parts, of all part pairs that can be on their curve in a box."""
 
     movable: Body
     static: Body
-    regions: tuple[Region, ...]
-    hiding: tuple[Region, ...]
-    cells: Array
-    members: Ints
+    regions: tuple[Region, ...]  # in the order of the part pairs
+    hiding: tuple[Region, ...]  # others, each of which holds parts of the box that no cell covers
+    cells: Array  # (m, 4): parts of the box, (low, high) of rho_1, then of rho_2. Outside them no curve passes
+    members: Ints  # members, shares: regions that matter in cell c: members[shares[c]:shares[c + 1]]
     shares: Ints
-    shared: tuple[bool, ...]
-    walked: int
+    shared: tuple[bool, ...]  # of each region, whether other pairs that end with it along one line were left out for it
+    walked: int  # part pairs that were looked at more closely than by bounds
 
     @classmethod
     def of(cls, movable: Body, static: Body, transform: Array, box: Limits) -> Union:

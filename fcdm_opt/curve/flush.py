@@ -46,34 +46,16 @@ class Flush:
     """A face of one body that lies in one plane with a face or edge of the other, as drawn.
 
     Two parallel edges on one another lie so in two planes: they are two of these.
-
-    Attributes
-    ----------
-    feature : Feature
-        The bodies' elements in the plane.
-    touching : Feature
-        The elements that touch: the same, or the parallel edges in which two such planes meet.
-    parts : tuple of int
-        A part pair that touches so, 0-based.
-    contact : Contact
-        Its own elements in the plane.
-    normal : (3,) array
-        Unit direction from body 1 to body 2, world frame.
-    dimension : int
-        Of what the bodies share: 1 a segment, 2 a region of the plane.
-    least : float
-        Length that what they share must exceed to count as more than a point, or than a segment.
-    carriers : tuple of (part of body 1, part of body 2, Contact)
-        Wherever the bodies' parts have the elements that touch: a face may be spread over several.
     """
 
-    feature: Feature
-    touching: Feature
-    parts: tuple[int, int]
-    contact: Contact
-    normal: Array
-    dimension: int
-    least: float
+    feature: Feature  # the bodies' elements in the plane
+    touching: Feature  # the elements that touch: the same, or the parallel edges in which two such planes meet
+    parts: tuple[int, int]  # a part pair that touches so, 0-based
+    contact: Contact  # its own elements in the plane
+    normal: Array  # (3,): unit direction from body 1 to body 2, world frame
+    dimension: int  # of what the bodies share: 1 a segment, 2 a region of the plane
+    least: float  # length that what they share must exceed to count as more than a point, or than a segment
+    # wherever the bodies' parts have the elements that touch: a face may be spread over several
     carriers: tuple[Carrier, ...]
     _pair: tuple[ConvexPart, ConvexPart]
 

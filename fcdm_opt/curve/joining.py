@@ -32,20 +32,13 @@ class Stretch(NamedTuple):
 
 
 class Visible(NamedTuple):
-    """What is on the boundary of a union.
-
-    Attributes
-    ----------
-    chains : list of list of Stretch
-    alone : list of (piece, s)
-        Pieces and where on them a point is that no open region holds, off all stretches; once for each that passes.
-    owners : (pieces, 2) int array
-        The region of each piece, and its number in there.
-    """
+    """What is on the boundary of a union."""
 
     chains: list[list[Stretch]]
+    # list of (piece, s): pieces and where on them a point is that no open region holds, off all stretches; once for
+    # each that passes
     alone: list[tuple[int, float]]
-    owners: Ints
+    owners: Ints  # (pieces, 2): the region of each piece, and its number in there
 
 
 def visible(regions: Sequence[Region], cells: Array, members: Ints, shares: Ints) -> Visible:

@@ -36,45 +36,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of a boundary line: scale pairs `base + s travel` for lo <= s <= hi (either may be infinite).
+    """A stretch of a boundary line: scale pairs `base + s travel` for lo <= s <= hi (either may be infinite)."""
 
-    Attributes
-    ----------
-    contact : Contact
-        What touches along it.
-    site : tuple of int
-        Facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`).
-    parts : tuple of int
-        The part pair (i, j), 0-based.
-    normal : (3,) array
-        Unit direction from body 1 to body 2, world frame.
-    line : (3,) array
-        (a, b, c): a rho_1 + b rho_2 = c, in lengths; overlap on the side of (a, b).
-    base, travel : (2,) arrays
-        A point of the line, and the unit direction along it with the overlap region on the left.
-    lo, hi : float
-        Range of s.
-    first, last : (2,) arrays or None
-        The scale pairs at lo and hi where they are known better than from s.
-    corner : Contact or None
-        What touches at its end, where the pair's boundary goes on.
-    snug : bool
-        Overlap on both sides.
-    """
-
-    contact: Contact
+    contact: Contact  # what touches along it
+    # facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`)
     site: tuple[int, int, int]
-    parts: tuple[int, int]
-    normal: Array
-    line: Array
+    parts: tuple[int, int]  # the part pair (i, j), 0-based
+    normal: Array  # (3,): unit direction from body 1 to body 2, world frame
+    line: Array  # (3,): (a, b, c): a rho_1 + b rho_2 = c, in lengths; overlap on the side of (a, b)
+    # base, travel: (2,): a point of the line, and the unit direction along it with the overlap region on the left
     base: Array
     travel: Array
-    lo: float
+    lo: float  # lo, hi: range of s
     hi: float
+    # first, last: (2,) or None: the scale pairs at lo and hi where they are known better than from s
     first: Array | None = None
     last: Array | None = None
-    corner: Contact | None = None
-    snug: bool = False
+    corner: Contact | None = None  # what touches at its end, where the pair's boundary goes on
+    snug: bool = False  # overlap on both sides
 
     @property
     def feature(self) -> Feature:
@@ -120,23 +99,13 @@ class Region:
     """Where one pair of convex parts overlaps, in the open quadrant rho > 0.
 
     Build it with `pair_region`; pieces and the exact curve are worked out when asked for.
-
-    Attributes
-    ----------
-    one, two : ConvexPart
-    transform : (4, 4) array
-        Pose change of body 1.
-    parts : tuple of int
-        Indices of the parts in their bodies, kept in the pieces.
-    state : int
-        How the walk ended, see `kernels`.
     """
 
     one: ConvexPart
     two: ConvexPart
-    transform: Array
-    parts: tuple[int, int]
-    state: int
+    transform: Array  # (4, 4): pose change of body 1
+    parts: tuple[int, int]  # indices of the parts in their bodies, kept in the pieces
+    state: int  # how the walk ended, see `kernels`
     _walked: tuple[Ints, Array, Array, Ints] | None
 
     @property

@@ -40,63 +40,32 @@ SAMPLES = 64  # sizes at which rows are seen to bind before any linear program i
 
 
 class PairRows(NamedTuple):
-    """The rows that bind, of one pair of parts.
+    """The rows that bind, of one pair of parts."""
 
-    Attributes
-    ----------
-    parts : (int, int)
-        Indices of the parts.
-    values : (m, 1 + k) array
-        Each row's gap as drawn, and how that changes a unit of each size.
-    normals : (m, 3) array
-        From body 1 to body 2, unit.
-    elements : list of (("V" | "E" | "F", int), same of part 2)
-        The parts' elements that touch.
-    features : list of Feature
-        Of contacts as drawn, in place of elements.
-    """
-
-    parts: tuple[int, int]
-    values: Array
-    normals: Array
+    parts: tuple[int, int]  # indices of the parts
+    values: Array  # (m, 1 + k): each row's gap as drawn, and how that changes a unit of each size
+    normals: Array  # (m, 3): from body 1 to body 2, unit
+    # kind "V", "E" or "F" and number of the parts' elements that touch
     elements: list[tuple[tuple[str, int], tuple[str, int]]]
-    features: Sequence[Feature] = ()
+    features: Sequence[Feature] = ()  # of contacts as drawn, in place of elements
 
 
 @dataclass(frozen=True, eq=False)
 class TouchingSizes:
-    """At which sizes two bodies touch at a pose, within a box of sizes.
+    """At which sizes two bodies touch at a pose, within a box of sizes."""
 
-    Attributes
-    ----------
-    bodies : (Body, Body)
-        As drawn, movable and static.
-    sizes : tuple of Size
-    transform : (4, 4) array
-        Of the movable body.
-    pairs : tuple of PairRows
-        Of the part pairs that can be the nearest within the box.
-    reach : (float, str)
-        By what factor the box may be widened until one of the bodies changes its shape, and the face there.
-    ranges : (s, 2) array
-        Of shifts of the movable body, which count as sizes behind the others.
-    permanent : tuple of PairRows
-        Of part pairs that touch at all sizes of the box and were left out, see `of`.
-    permanent_faces : set of (int, int)
-        Of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count.
-    as_drawn : bool
-        Whether rows are those of contacts as drawn, whatever the box: they are not found anew.
-    """
-
-    bodies: tuple[Body, Body]
+    bodies: tuple[Body, Body]  # as drawn, movable and static
     sizes: tuple[Size, ...]
-    transform: Array
-    pairs: tuple[PairRows, ...]
+    transform: Array  # (4, 4): of the movable body
+    pairs: tuple[PairRows, ...]  # of the part pairs that can be the nearest within the box
+    # by what factor the box may be widened until one of the bodies changes its shape, and the face there
     reach: tuple[float, str]
+    # (s, 2): of shifts of the movable body, which count as sizes behind the others
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
-    permanent: tuple[PairRows, ...] = ()
+    permanent: tuple[PairRows, ...] = ()  # of part pairs that touch at all sizes of the box and were left out, see `of`
+    # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
-    as_drawn: bool = False
+    as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
 
     @classmethod
     def of(

@@ -68,15 +68,9 @@ def _gap(faces: tuple[TrueFaces, ...], scales: tuple[float, ...], pose: bytes, b
 
 
 class _Surfaces(NamedTuple):
-    """Surfaces of revolution, see `Swept`: of all faces of a body, or one for each point.
+    """Surfaces of revolution, see `Swept`: of all faces of a body, or one for each point."""
 
-    Attributes
-    ----------
-    numbers : (..., 10) array
-        See `face_kernels`.
-    """
-
-    numbers: Array
+    numbers: Array  # (..., 10): see `face_kernels`
 
     @classmethod
     def of(cls, swept: Sequence[Swept]) -> _Surfaces:

@@ -219,27 +219,14 @@ class Program:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """Four independent columns, and the inverse of their matrix.
-
-    Attributes
-    ----------
-    program : Program
-    origin : four columns
-        Of the first basis: they perturb the right-hand side.
-    basic : four int
-        Its columns, and in `kinds` what they stand for.
-    rows : four Vector
-        Adjugate of the columns' matrix.
-    det : fmpz
-        Determinant, positive.
-    """
+    """Four independent columns, and the inverse of their matrix."""
 
     program: Program
-    origin: tuple[Vector, ...]
-    basic: tuple[int, ...]
+    origin: tuple[Vector, ...]  # of the first basis: they perturb the right-hand side
+    basic: tuple[int, ...]  # its columns, and in `kinds` what they stand for
     kinds: tuple[int, ...]
-    rows: tuple[Vector, ...]
-    det: fmpz
+    rows: tuple[Vector, ...]  # adjugate of the columns' matrix
+    det: fmpz  # determinant, positive
 
     @property
     def carrying(self) -> list[int]:
@@ -345,20 +332,12 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What phase one finds.
+    """What phase one finds."""
 
-    Attributes
-    ----------
-    basis : Basis, or None
-        One with non-negative weights; None where there is none: no scale pair meets.
-    excluding : (3,) tuple of fmpz, or None
-        A direction n with n.c <= 0 for the first three entries of all columns, so a <= 0, b <= 0 and c >= 0.
-    crossing : (Basis, int), or None
-        Unless `excluding`: a basis and an entering column that bring the weight of A below 0.
-    """
-
-    basis: Basis | None
+    basis: Basis | None  # one with non-negative weights; None where there is none: no scale pair meets
+    # a direction n with n.c <= 0 for the first three entries of all columns, so a <= 0, b <= 0 and c >= 0
     excluding: Vector | None
+    # unless `excluding`: a basis and an entering column that bring the weight of A below 0
     crossing: tuple[Basis, int] | None
 
 
