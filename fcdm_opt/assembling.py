@@ -45,22 +45,10 @@ def assembled(
 ) -> AssemblySolution:
     """Find the smallest motions together that restore all contacts of an assembly, and have them judged.
 
-    Parameters
-    ----------
-    assembly : Assembly
-    solve, quick : callable
-        Answer the contacts that are problems of their own, as is asked and with no more than a bound.
-    model : str
-        "auto", or what is forced: of contacts that share motions, which are one program, nothing can be.
-    certify : bool
-        What proves the bounds of these is kept.
-    prove : bool
-        Look for bounds where motions turn.
-
-    Raises
-    ------
-    InputError
-        For a forced model where contacts share motions.
+    `solve` and `quick` answer the contacts that are problems of their own, as is asked and with no more than a bound.
+    `model` is "auto", or what is forced: of contacts that share motions, which are one program, nothing can be, which
+    raises `InputError`. With `certify` what proves the bounds of these is kept; `prove` is to look for bounds where
+    motions turn.
     """
     return _Solving(assembly, solve, quick, model, certify, prove).solution()
 

@@ -480,21 +480,11 @@ def is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
 
 
 def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, bool]]:
-    """Return what holds a motion of which the largest of some gaps >= 0 is least.
+    """Return what holds a motion of which the largest of some gaps >= 0, (n,), with derivatives, (n, k), is least.
 
-    Parameters
-    ----------
-    gaps : (n,) array
-    slopes : (n, k) array
-        Their derivatives.
-    slack : float
-        To which gaps are closed, or the largest.
-
-    Returns
-    -------
-    list of (gap, other, held)
-        `held`: that the gap stays 0 (other -1), or as large as another one, whatever the motion: some multipliers of
-        the least largest gap need it. Else it may grow, or fall below the other.
+    As (gap, other, held). `held`: that the gap stays 0 (other -1), or as large as another one, whatever the motion:
+    some multipliers of the least largest gap need it. Else it may grow, or fall below the other. `slack` is the length
+    to which gaps are closed, or the largest.
     """
     from scipy.optimize import linprog
 

@@ -104,27 +104,15 @@ def motion_rates(
     nominal: Sequence[FeaturePoints] = (),
     ratio: Array | None = None,
 ) -> Rates:
-    """Return how a least motion changes as points move and sizes change.
+    """Return how the least motion of tasks, (k,), changes as points move and sizes change.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        With the same parameters, weights and limits: one, or those of every two parts of an assembly.
-    q : (k,) array
-        Their least motion.
-    changes : sequence of sequences of Change
-        What is asked about: of each a change for every task.
-    nominal : sequence of FeaturePoints
-        Those of one task that meet at the nominal switching point, which takes the target pair along; none where it
-        stays.
-    ratio : (2,) array, optional
-        Of the target pair to the nominal one.
+    The tasks have the same parameters, weights and limits: one, or those of every two parts of an assembly. `changes`
+    are what is asked about: of each a change for every task. `nominal` are the features of one task that meet at the
+    nominal switching point, which takes the target pair along; none where it stays. `ratio`, (2,), is that of the
+    target pair to the nominal one.
 
-    Returns
-    -------
-    Rates
-        nan where there is no derivative: constraints that go with one side of the change only, and what no constraint
-        here holds. Of the amount there is one where all multipliers that balance say the same.
+    nan where there is no derivative: constraints that go with one side of the change only, and what no constraint here
+    holds. Of the amount there is one where all multipliers that balance say the same.
     """
     none, task = np.full(len(q), np.nan), tasks[0]
     missing = (NOT_WORKED_OUT,) * len(changes)

@@ -90,27 +90,13 @@ def curved(contact: RoundContact, shifts: Array, turns: Array, twist: Array) -> 
     """Return the second derivatives of the gap beyond those of a point and a plane, and what must not change.
 
     Face 1 is at height -u B1 u / 2 over the tangent plane, face 2 at v B2 v / 2 with v = u + d where body 1 is shifted
-    by d along the plane; where it also sinks by a u, as it turns, the gap at u is
+    by d along the plane, `shifts`; where it also sinks by a u, as it turns, `turns`, the gap at u is u B1 u / 2 + a u +
+    (u + d) B2 (u + d) / 2, and the least over u is that of the faces. Both are (2, n), by n data, as is `twist`, (n,):
+    by how much body 1 turns about the normal.
 
-        u B1 u / 2 + a u + (u + d) B2 (u + d) / 2,
-
-    and the least over u is that of the faces.
-
-    Parameters
-    ----------
-    contact : RoundContact
-    shifts, turns : (2, n) array
-        d and a, by n data.
-    twist : (n,) array
-        By how much body 1 turns about the normal.
-
-    Returns
-    -------
-    second : (n, n) array
-    still : (m, n) array
-        Along a line of contact there is no such least gap where body 1 tilts, nor, of two faces bent across it, where
-        it twists: either end comes first. The products of these with the data must be 0.
-    None where the faces overlap beside the contact.
+    The derivatives are (n, n). Along a line of contact there is no such least gap where body 1 tilts, nor, of two faces
+    bent across it, where it twists: either end comes first. The products of what must not change, (m, n), with the data
+    must be 0. None where the faces overlap beside the contact.
     """
     one, two = contact.bends
     bends, along = np.linalg.eigh(one + two)

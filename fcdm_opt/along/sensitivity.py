@@ -46,12 +46,7 @@ SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs
 
 
 def sensitivity(solution: Solution) -> Sensitivity:
-    """Return the derivatives of a solution's amount.
-
-    Parameters
-    ----------
-    solution : Solution
-        Any; without a motion, or with one that nothing holds, the derivatives do not exist.
+    """Return the derivatives of a solution's amount: without a motion, or with one that nothing holds, there are none.
     """
     problem, task = solution.problem, Task.of(solution.problem)
     layout = Layout.of(task)
@@ -344,10 +339,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
 def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     """Return the derivatives of an assembly's solution, see `motion_rates`: its contacts are one program.
 
-    Parameters
-    ----------
-    solution : AssemblySolution
-        Any; without motions, or with ones that nothing holds, the derivatives do not exist.
+    Without motions, or with ones that nothing holds, the derivatives do not exist.
     """
     assembly, questions = solution.assembly, solution.assembly.questions
     found = dict(zip([pair[:2] for pair in assembly.contacts], solution.contacts, strict=False))
@@ -460,23 +452,10 @@ def _deviations(problem: Problem, body: str) -> dict[Size, float]:
 def by_moves(
     key: str, body: Body, moves: Array, faces: Mapping[str, float], vertices: Mapping[str, Array]
 ) -> tuple[float, str]:
-    """Return the change of the amount, to first order, where vertices of a body move: by them, or by its faces' shifts.
+    """Return the change of the amount, to first order, where vertices of a body move, and which derivatives tell it.
 
-    Parameters
-    ----------
-    key : str
-        How labels of the body begin: "P1".
-    body : Body
-    moves : (n, 3) array
-    faces, vertices : mappings
-        Of a `Sensitivity`.
-
-    Returns
-    -------
-    change : float
-        nan where there is no derivative.
-    by : str
-        "vertices" or "faces".
+    `moves`, (n, 3), are of all its vertices, `key` is how its labels begin: "P1". `faces` and `vertices` are a
+    `Sensitivity`'s; by "faces" where those of the "vertices" tell nothing. nan where there is no derivative.
     """
     change = _summed([vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)], moves)
     of_faces = np.isnan(change) and body.exact is None  # pieces at points of round faces are of no face of the body

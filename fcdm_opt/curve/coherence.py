@@ -63,17 +63,8 @@ def contact_faults(
 
     A contact that has moved over a seam into another part pair, on the same plane, is still the same contact.
 
-    Parameters
-    ----------
-    movable, static : Body
-    pose : (12,) array
-        Relative pose, see `kernels`.
-    rho : (2,) array
-        Scale pair on the tracked features' lines.
-    tracked : sequence of Tracked
-        Its features, at this pose.
-    slack : float
-        Length below which nothing is a fault.
+    The features are those at this pose, (12,), see `kernels`; the scale pair, (2,), is on their lines. `slack` is a
+    length below which nothing is a fault.
     """
     faults = [fault for feature in tracked for fault in _unsupported(movable, static, pose, rho, feature, slack)]
     touching = {feature.parts for feature in tracked}
@@ -106,20 +97,10 @@ def overlaps_between(
 ) -> list[float] | None:
     """Return where on the way of a shift parts overlap that are not said to touch, from its end back.
 
-    Parameters
-    ----------
-    movable, static : Body
-    ends : pairs of (relative pose, scale pair)
-        At positions 0 and 1; between them both change in proportion, and nothing turns.
-    touching : set of part pairs
-        Which touch at both ends.
-    slack : float
-        Length by which parts may overlap.
+    `ends`, a relative pose and scale pair each, are those at positions 0 and 1; between them both change in proportion,
+    and nothing turns. `touching` are the part pairs that touch at both; `slack` is a length by which parts may overlap.
 
-    Returns
-    -------
-    list of float, or None
-        Positions from 1 to 0, one within each stretch of overlap; None where a touching pair is apart at an end.
+    Positions from 1 to 0, one within each stretch of overlap; None where a touching pair is apart at an end.
     """
     (start, before), (pose, rho) = ends
     shift, growth = pose[9:] - start[9:], rho - before

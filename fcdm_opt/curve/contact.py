@@ -49,15 +49,9 @@ class Contact:
 def contact_between(
     one: ConvexPart, two: ConvexPart, pose: Array, first: Iterable[int], second: Iterable[int]
 ) -> Contact:
-    """Return the contact of the smallest elements that hold these vertices of both parts.
+    """Return the contact of the smallest elements that hold these vertices, of each part on one element.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-        R, row by row, and d.
-    first, second : iterables of int
-        Vertices of either part, on one element each.
+    `pose`, (12,): R, row by row, and d.
     """
     (own, mine), (other, theirs) = _element(one, set(first)), _element(two, set(second))
     parallel = False
@@ -86,13 +80,7 @@ def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
 def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Contact:
     """Return a contact named by where it is, for edges and faces of parts that lie on several of the body's own.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-    contact : Contact
-    rho : (2,) array
-        A scale pair at which they touch.
+    At a pose, (12,), and `rho`, (2,): a scale pair at which they touch.
     """
     if not (one.elements.spans or two.elements.spans):
         return contact
@@ -158,14 +146,8 @@ def touching_contact(
 ) -> Contact:
     """Return how two touching parts touch: what supports them in a direction between all facet directions there.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    normals : (k, 3) array
-        Facet directions of their Minkowski difference that are tight.
-    pose : (12,) array
-    slack : float
-        See `supporting_contact`.
+    `normals`, (k, 3): facet directions of their Minkowski difference that are tight at a pose, (12,). `slack` as of
+    `supporting_contact`.
     """
     total = normals.sum(axis=0)
     length = np.linalg.norm(total)
@@ -178,16 +160,8 @@ def contact_at(
 ) -> Contact:
     """Return how two touching parts touch at a scale pair: the smallest elements that hold all that they share.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    normal : (3,) array
-        A unit direction, from 1 to 2, that keeps them apart.
-    pose : (12,) array
-    rho : (2,) array
-        A scale pair at which they touch.
-    slack : float
-        Heights and places this near, relative to the sizes, are the same.
+    `normal`, (3,): a unit direction, from 1 to 2, that keeps them apart at a pose, (12,); `rho`, (2,): a scale pair at
+    which they touch. Heights and places within `slack`, relative to the sizes, are the same.
     """
     own = touching_vertices(*one.packed, *two.packed, pose, rho, normal, slack)
     return contact_between(one, two, pose, *(vertices.tolist() for vertices in own))
@@ -221,18 +195,12 @@ def touching_pairs(
 
 
 def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
-    """Return the part pairs that touch at a scale pair to within `slack`, each with what touches.
+    """Return the part pairs that touch at a scale pair, (2,), to within `slack`, each with what touches.
 
     Where some touch to within a small share of it, those alone: what is merely near may be named as it never touches.
 
-    Parameters
-    ----------
-    movable, static : Body
-    pose : (12,) array
-        R, row by row, and d.
-    rho : (2,) array
-    slack : float
-        Length; parts this near touch, and directions this near to the widest are tight.
+    `pose`, (12,): R, row by row, and d. `slack`, a length: parts this near touch, and directions this near to the
+    widest are tight.
     """
     found, sure, tight = list[Meeting](), list[bool](), slack * DEFAULT.tight
     touching = list(touching_pairs(movable, static, pose, rho, slack))
@@ -381,12 +349,7 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
 def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
     """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
 
-    Parameters
-    ----------
-    one, two : (Body, ConvexPart)
-        A part of each body.
-    site : (3,) int array
-        See `kernels.facet_rows`.
+    `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`.
     """
     kind, *rows = site.tolist()
     return all(
@@ -444,20 +407,8 @@ def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
 def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Array:
     """Return the corners of what two touching parts share, (k, 3): a point, a segment's ends, or a polygon in order.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-        R, row by row, and d.
-    contact : Contact
-        The elements that touch.
-    rho : (2,) array
-        A scale pair at which they do.
-
-    Returns
-    -------
-    (k, 3) array
-        Relative to the seed of body 2, world axes.
+    Relative to the seed of body 2, world axes; at a pose, (12,), R, row by row, and d, and a scale pair, (2,), at which
+    the elements of the contact touch.
     """
     X, Y = placed_elements(one, two, pose, contact, rho)
     if len(X) == 1 or len(Y) == 1:

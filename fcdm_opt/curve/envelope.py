@@ -54,16 +54,7 @@ class Union:
 
     @classmethod
     def of(cls, movable: Body, static: Body, transform: Array, box: Limits) -> Union:
-        """Return the union in a box.
-
-        Parameters
-        ----------
-        movable, static : Body
-        transform : (4, 4) array
-            Pose change of body 1.
-        box : pair of intervals
-            Of rho_1 and rho_2, finite.
-        """
+        """Return the union in a box of rho_1 and rho_2, finite; `transform`, (4, 4): pose change of body 1."""
         (a, b), (c, d) = ((low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box)
         walked, found, hiding, marked = relevant_pairs(movable, static, transform, (a, b, c, d))
         used = sorted({code for _, codes in found for code in codes})

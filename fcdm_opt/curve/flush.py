@@ -101,12 +101,7 @@ class Flush:
     def misfit(self, pose: Array, rho: Array) -> float:
         """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
 
-        Parameters
-        ----------
-        pose : (12,) array
-            R, row by row, and d, of body 1 from where it is drawn, see `kernels`.
-        rho : (2,) array
-            Scales.
+        At a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,).
         """
         one, two = self._pair
         n = self._normal_at(pose)

@@ -216,10 +216,7 @@ class Region:
     def sides(self, pairs: Array) -> Ints:
         """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right.
 
-        Parameters
-        ----------
-        pairs : (n, 2) array
-            Scale pairs, all positive.
+        Scale pairs, (n, 2), are all positive.
         """
         if self.surely_empty:
             return np.ones(len(pairs), np.int64)
@@ -343,17 +340,7 @@ class Region:
 
 
 def pair_region(one: ConvexPart, two: ConvexPart, transform: Array, parts: tuple[int, int] = (0, 0)) -> Region:
-    """Return the overlap region of a pair of convex parts.
-
-    Parameters
-    ----------
-    one, two : ConvexPart
-        Of body 1 and body 2.
-    transform : (4, 4) array
-        Pose change of body 1, world frame.
-    parts : tuple of int
-        Indices of the parts in their bodies, kept in the pieces.
-    """
+    """Return the overlap region of parts of body 1 and 2, `parts` in these, body 1 moved by a 4x4 transform."""
     state, *walked = kernels.walk(*one.packed, *two.packed, transform, one.seed, two.seed, DEFAULT.planarity)
     known = state not in (kernels.UNDECIDED, kernels.GRAZING)
     return Region(one, two, transform, parts, state, tuple(walked) if known else None)

@@ -96,17 +96,11 @@ def made_at(
 ) -> dict[str, float]:
     """Return the deviations that are meant by name: all of them, or those at a named corner.
 
-    Parameters
-    ----------
-    movable, static : Body
-    sizes : sequence of Size
-    made : mapping, or "worst", "loosest", "low", "high", "middle"
-        Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
-        largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
-        in the middle. Sizes that the least gap does not depend on are those with the least gap of the next contact that
-        may be the nearest, and so on.
-    touching : TouchingSizes, optional
-        What is known of them at rest, with these sizes.
+    `made` are deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap,
+    "worst", or the largest one, "loosest", at rest (of what is not closed at all sizes, if there is any), all sizes at
+    their least, "low", largest, "high", or in the "middle". Sizes that the least gap does not depend on are those with
+    the least gap of the next contact that may be the nearest, and so on. `touching` is what is known of them at rest,
+    with these sizes.
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):

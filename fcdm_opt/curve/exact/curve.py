@@ -129,12 +129,9 @@ class ExactCurve:
         return [piece for chain in self.chains for piece in chain.pieces]
 
     def side(self, rho: Sequence[Number]) -> int:
-        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap.
+        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap, at a positive scale pair.
 
-        Parameters
-        ----------
-        rho : two numbers
-            A scale pair, both positive: floats as they are, or rationals.
+        That is of floats as they are, or of rationals.
         """
         point = scale_pair(rho)
         if self.status == "empty":
@@ -167,21 +164,10 @@ class ExactCurve:
 
 
 def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None) -> ExactCurve:
-    """Return the exact decision curve of two convex parts.
+    """Return the exact decision curve of two convex parts, of which only vertices and seeds are used.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-        Of body 1 and body 2; only their vertices and seeds are used.
-    transform : (4, 4) array, optional
-        Pose change of body 1, taken as given: rational, not exactly orthogonal. Identity unless given.
+    The transform of body 1, (4, 4), is taken as given: rational, not exactly orthogonal; by default it is the identity.
 
-    Returns
-    -------
-    ExactCurve
-
-    Notes
-    -----
     Bodies that never overlap have a direction n with a <= 0, b <= 0, c >= 0, one direction for all scale pairs: the
     cone of all p_i, -q_j, -d is then not all of space (Gordan). So emptiness needs no pair of lines.
     """

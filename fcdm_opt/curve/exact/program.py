@@ -139,13 +139,7 @@ class Program:
     def price(self, n: Vector, levels: Vector, basic: Sequence[int]) -> int | None:
         """Return a column with level - n.c < 0, one of the lowest; None if there is none, proved for every column.
 
-        Parameters
-        ----------
-        n : (3,) tuple of fmpz
-        levels : (3,) tuple of fmpz
-            Of each kind.
-        basic : sequence of int
-            Columns where it is 0 by construction.
+        `levels` are of each kind; `basic` are columns where it is 0 by construction.
         """
         values, error = self._slacks(n, levels)
         least = int(values.argmin())
@@ -264,12 +258,7 @@ class Basis:
     def leaving(self, y: Vector, places: int = 4) -> int | None:
         """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None if there is none.
 
-        Parameters
-        ----------
-        y : (4,) tuple of fmpz
-            `products` of the entering column.
-        places : int
-            So many, the first ones, may leave.
+        `y`, (4,), are the `products` of the entering column. The first `places` weights may leave.
         """
         best = None
         for i in range(places):
