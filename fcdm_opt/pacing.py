@@ -133,10 +133,7 @@ def check_time(seconds: float | None, key: str) -> None:
 def within(seconds: float | None, share: float = SEARCHED) -> _Override:
     """Let what is done meanwhile search no longer than a share of so many seconds; None, or what is longer: as it is.
 
-    Raises
-    ------
-    InputError
-        For what is no time.
+    Raises `InputError` for what is no time.
     """
     return _Override(_limit, _limit_within(seconds, share, "time"))
 

@@ -98,10 +98,7 @@ class Followed(NamedTuple):
 def followed(problem: Problem) -> tuple[Followed, ...]:
     """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or `contacts`.
 
-    Raises
-    ------
-    InputError
-        Where the nominal pair is not on the decision curve.
+    Raises `InputError` where the nominal pair is not on the decision curve.
     """
     if problem.contacts:
         return _together(problem)

@@ -46,12 +46,8 @@ class Stop(NamedTuple):
 class March:
     """Both ways along a ray, from no motion, in x >= 0; without tracked features the scale pair stays as given.
 
-    Attributes
-    ----------
-    proved : bool
-        Whether all steps so far were covered by bounds.
-    unit : float
-        The natural step: what turns or moves things by about their size.
+    `proved`: whether all steps so far were covered by bounds; `unit`, the natural step, turns or moves things by about
+    their size.
     """
 
     def __init__(

@@ -46,8 +46,7 @@ SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs
 
 
 def sensitivity(solution: Solution) -> Sensitivity:
-    """Return the derivatives of a solution's amount: without a motion, or with one that nothing holds, there are none.
-    """
+    """Return the derivatives of a solution's amount; without a motion, or one that nothing holds, there are none."""
     problem, task = solution.problem, Task.of(solution.problem)
     layout = Layout.of(task)
     if not solution.status.found:

@@ -82,34 +82,17 @@ class TouchingSizes:
         without: Collection[tuple[int, int]] = (),
         normals: Mapping[tuple[int, int], Array] = MappingProxyType({}),
     ) -> TouchingSizes:
-        """Return them.
+        """Return them, the movable body moved by a 4x4 transform, by default at rest; tolerances of sizes are the box.
 
-        Parameters
-        ----------
-        movable, static : Body
-        sizes : sequence of Size
-            Their tolerances are the box.
-        transform : (4, 4) array, optional
-            Of the movable body; default at rest.
-        shifts : (s, 3) and (s, 2) array, optional
-            Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
-        carried : (k, 3) array, optional
-            How each size moves the movable body besides.
-        least : bool
-            Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
-        permanent : bool
-            Whether part pairs count that touch at all sizes of the box, as a flange on its plate. Without them the gap
-            is that of all others, unless there are no others.
-        without : collection of (int, int)
-            Part pairs that do not count.
-        normals : mapping
-            Directions, (n, 3), of part pairs of which rows along one of these alone count, if there are any.
+        `shifts`, (s, 3) and (s, 2), are ways that the movable body is moved along, and how far at least and most: as
+        sizes behind the others; `carried`, (k, 3), how each size moves it besides. With `least`, rows that bind nowhere
+        in the box are all found and left out, which may take a linear program each. With `permanent`, part pairs count
+        that touch at all sizes of the box, as a flange on its plate; without them the gap is that of all others, unless
+        there are no others. Part pairs `without` do not count, and of others rows along one of their directions
+        `normals`, (n, 3), alone do, if there are any.
 
-        Raises
-        ------
-        InputError
-            For sizes without tolerance, and where the box is so large that a body changes its shape in a way that its
-            parts do not follow; names the face.
+        Raises `InputError` for sizes without tolerance, and where the box is so large that a body changes its shape in
+        a way that its parts do not follow; names the face.
         """
         T = IDENTITY if transform is None else rigid_transform(transform)
         without = frozenset(without)

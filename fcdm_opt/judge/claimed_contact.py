@@ -92,17 +92,8 @@ carriers = PerPair(Carriers)  # of two bodies, the same at every call: for one t
 class Claim:
     """One claimed feature, on the part pair that carries it best.
 
-    Parameters
-    ----------
-    feature : Feature
-    carried : Carriers
-        Of the two bodies.
-    scaled : ScaledPair
-        The same two bodies; asked for a contact normal where the feature alone gives none (vertex on vertex).
-    rho : (2,) array
-        Scales at which the feature is claimed.
-    transform : (4, 4) array
-        Pose change of body 1 there.
+    At the scales `rho`, (2,), at which it is claimed, and the pose change of body 1 there, (4, 4). Of the two bodies,
+    `scaled` is asked for a contact normal where the feature alone gives none (vertex on vertex).
     """
 
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:

@@ -25,7 +25,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.judge.certificate import solids_gap
+from fcdm_opt.judge.certificate import _at_most, solids_gap
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -55,8 +55,7 @@ class GapClaims:
     sizes: tuple[Size, ...]
     transform: Array  # (4, 4): of the movable body
     shift: Array | None = None  # (k, 3), optional: how it is shifted besides, a unit of each size
-    # least, largest: optional, the ends of the range of the gap, and where they are, (k,); without them
-    # only keep-outs are looked at
+    # least, largest: the ends of the range of the gap, and where they are, (k,); without them only keep-outs count
     least: tuple[float, Array] | None = None
     largest: tuple[float, Array] | None = None
     box: Array  # (k, 2)
@@ -66,13 +65,11 @@ class GapClaims:
     permanent: Sequence[tuple[int, int]] = ()  # part pairs that are not counted
     # with them the gap is that of the true faces, without these patches of both, by number in `true_faces`
     permanent_faces: frozenset[tuple[int, int]] | None = None
-    # bodies that the movable one keeps clear of at all sizes, and by how much at least; the static one among them as
-    # made
+    # bodies that the movable one keeps clear of at all sizes, by how much at least; the static one among them as made
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
     others: Sequence[Check] = ()  # of what else is told
-    # optional: the contact that the gap is of, its part pair, and its direction from
-    # body 1 to body 2; else of all counted
+    # optional: the contact that the gap is of, its part pair, and its direction from body 1 to body 2; else all counted
     contact: tuple[Feature, tuple[int, int], Array] | None = None
     name: str = ""  # before those of the checks
     beside: Sequence[GapClaims] = ()  # of further contacts
@@ -293,7 +290,3 @@ def _share(claim: ShareClaim) -> Check:
     beyond = max(low - ends[1], ends[0] - high, claim.share - ends[1], ends[0] - claim.share) if count else 0.0
     note = f"told {ends[0]:.4%} to {ends[1]:.4%}; of {count} others {passed} pass"
     return _at_most("share", beyond, 0.0, note)
-
-
-def _at_most(name: str, value: float, limit: float, note: str) -> Check:
-    return Check(name, bool(value <= limit), float(value), float(limit), note)

@@ -34,15 +34,7 @@ class Outside(NamedTuple):
 
 
 class WholeSurfaces:
-    """The surfaces of two bodies, all that they have, at a scale pair and pose.
-
-    Parameters
-    ----------
-    movable, static : Body
-    rho : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-    """
+    """The surfaces of two bodies, all that they have, at a scale pair, (2,), body 1 moved by a 4x4 transform."""
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
         self._bodies = movable, static

@@ -54,27 +54,12 @@ NOTHING: Vector = (ZERO, ZERO, ZERO, ZERO)
 class Program:
     """The columns of two convex parts: as integers when asked for, and all of them as floats.
 
-    Columns are numbered: the vertices of part 1, those of part 2, the offset.
+    Columns are numbered: the vertices of part 1, those of part 2, the offset; `counts` are of the vertices, `total` is
+    of all. The transform of body 1, (4, 4), is taken as given.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    transform : (4, 4) array
-        Pose change of body 1, taken as given.
-
-    Attributes
-    ----------
-    counts : two int
-        Vertices of part 1 and of part 2.
-    total : int
-        Number of columns.
-    units : three int
-        Exponents of the powers of two that lengths of part 1, part 2 and d are counted in.
-    reach : three int
-        k is two to these powers: at least as large as any entry of such a column.
-    k : (3,) tuple of fmpz
-    floats : (6, N) array
-        The first three rows divided by k, and three rows that say of which kind a column is.
+    `units` are the exponents of the powers of two that lengths of part 1, part 2 and d are counted in; k, (3,), is two
+    to the powers `reach`: at least as large as any entry of such a column. `floats`, (6, total), are the first three
+    rows divided by k, and three rows that say of which kind a column is.
     """
 
     def __init__(self, one: ConvexPart, two: ConvexPart, transform: Array) -> None:

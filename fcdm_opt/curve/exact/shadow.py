@@ -58,14 +58,7 @@ class Edge:
 
 
 class Shadow:
-    """The polygon of all z = (sum lambda, sum mu, tau) that weights can give.
-
-    Attributes
-    ----------
-    program : Program
-    start : Start
-        What phase one found.
-    """
+    """The polygon of all z = (sum lambda, sum mu, tau) that weights can give; `start` is what phase one found."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
