@@ -36,8 +36,7 @@ from fcdm_opt.stages.contact_system import all_at_once, least_restoring
 from fcdm_opt.tolerances import DEFAULT
 
 EXCLUDED = "true faces that touch as drawn cannot all touch again"
-Solve = Callable[[Problem], Solution]
-"""Answers one problem of two parts."""
+Solve = Callable[[Problem], Solution]  # answers one problem of two parts
 
 
 def assembled(

@@ -14,8 +14,7 @@ def imported(place: str) -> Any:
     return getattr(import_module(f"fcdm_opt.{module}"), name)
 
 
-INSTALL = ".venv/bin/pip install -c constraints.txt -e '.[{}]'"
-"""How README has what is needed installed."""
+INSTALL = ".venv/bin/pip install -c constraints.txt -e '.[{}]'"  # how README has what is needed installed
 
 
 def extra(module: str, of: str, *, key: str | None = None, found: Any = None, needing: str = "") -> Any:

@@ -29,10 +29,8 @@ def exclude_time(seconds: float) -> None:
     _spared[0] += seconds
 
 
-SEARCHED = 0.85
-"""Share of the time given that searching may take: what was found is still to be judged and shown."""
-JUDGED = 1.1
-"""The same of searching and judging."""
+SEARCHED = 0.85  # share of the time given that searching may take: what was found is still to be judged and shown
+JUDGED = 1.1  # the same of searching and judging
 
 
 class TimeOverError(FcdmError):

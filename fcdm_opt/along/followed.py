@@ -16,6 +16,7 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
+from fcdm_opt.curve.contact import kind_and_row
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
@@ -198,15 +199,7 @@ def _sites(problem: Problem, feature: Feature, kind: int) -> Iterator[tuple[Part
         for first in one.carriers(feature.one):
             for j, two in enumerate(problem.active[1].parts):
                 for second in two.carriers(feature.two):
-                    yield (i, j), (kind, _index(one, first), _index(two, second))
-
-
-def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
-    if len(own) == 1:
-        return own[0]
-    if len(own) == 2:
-        return int(np.flatnonzero((np.sort(part.edges[:, :2], axis=1) == sorted(own)).all(axis=1))[0])
-    return part.loops.index(own)
+                    yield (i, j), (kind, kind_and_row(one, first)[1], kind_and_row(two, second)[1])
 
 
 def _rest(problem: Problem, parts: Parts, site: Site, normal: Array, k: int) -> Rest:

@@ -19,8 +19,7 @@ import numpy as np
 
 from fcdm_opt.along.holding import fit_rows, is_closed
 from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved, round_contacts
-from fcdm_opt.curve.contact import is_own
-from fcdm_opt.curve.flush import distinct
+from fcdm_opt.curve.contact import distinct, is_own
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
@@ -274,8 +273,9 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
             continue  # only cuts of the solids meet, which touch elsewhere or not at all
         if other is task.static and any(is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
-        normals = distinct(rows[own_sites or tight, :3])
-        if other is task.static and any(own.is_of(task, (i, j), sites[tight], np.array(normals)) for own in meetings):
+        normals = rows[own_sites or tight, :3]
+        normals = normals[distinct(normals)]
+        if other is task.static and any(own.is_of(task, (i, j), sites[tight], normals) for own in meetings):
             continue
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
         if swept or len(normals) > 1 or abs(widest - max(obstacle.need, 0.0)) > slack:

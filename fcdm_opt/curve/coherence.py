@@ -55,6 +55,12 @@ class Fault(NamedTuple):
         """What identifies the fault, whatever its size."""
         return (self.kind, self.parts, self.site, self.body, self.vertex)
 
+    def kept(self, pair: str) -> str:
+        """Return what motions without the fault keep, in words; `pair` names its part pair."""
+        if self.kind == "unsupported":
+            return f"a vertex of body {self.body}, part {self.parts[self.body - 1] + 1}, behind the tracked feature"
+        return f"{pair} stays {'apart' if self.kind == 'overlapping' else 'in contact'} on the way"
+
 
 def contact_faults(
     movable: Body, static: Body, pose: Array, rho: Array, tracked: Sequence[Tracked], slack: float

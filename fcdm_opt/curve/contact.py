@@ -21,7 +21,6 @@ from fcdm_opt.tolerances import DEFAULT
 Vertices = tuple[int, ...]
 Configuration = Literal["F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"]
 SITE_KINDS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # of the elements of a site
-_ORDER = {"F": 0, "E": 1, "V": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +35,9 @@ class Contact:
     @property
     def configuration(self) -> Configuration:
         """One of the seven: "F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"."""
-        kinds = sorted("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two))
-        name = "-".join(sorted(kinds, key=_ORDER.__getitem__))
-        found = name + {True: " parallel", False: " crossing"}[self.parallel] if name == "E-E" else name
-        return cast("Configuration", found)
+        kinds = sorted(("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two)), key="FEV".index)
+        name = "-".join(kinds)
+        return cast("Configuration", name + (" parallel" if self.parallel else " crossing") * (name == "E-E"))
 
     def labelled(self, feature: Feature) -> Contact:
         """Return the same contact under another feature."""
@@ -102,29 +100,24 @@ def features_along(
 ) -> list[Feature]:
     """Return the names of a contact at several (pose, scale pair), see `located`."""
     pairs = (one, contact.one, contact.feature.one), (two, contact.two, contact.feature.two)
-    spanning = [len(own) > 1 and _place(part, own) in part.elements.spans for part, own, _ in pairs]
+    spanning = [len(own) > 1 and kind_and_row(part, own) in part.elements.spans for part, own, _ in pairs]
     if not any(spanning):
         return [contact.feature] * len(places)
     drawn = []
     for pose, rho in places:
         point = contact_set(one, two, pose, contact, rho).mean(axis=0)
-        drawn.append(_drawn(one, two, pose, (point, point), rho))
+        drawn.append((one.seed + (point + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + point / rho[1]))
     names = [
-        part.elements_at(*_place(part, own), np.array(where)) if len(own) > 1 else [name] * len(places)
+        part.elements_at(*kind_and_row(part, own), np.array(where)) if len(own) > 1 else [name] * len(places)
         for (part, own, name), where in zip(pairs, zip(*drawn, strict=True), strict=True)
     ]
     return [Feature(*both) for both in zip(*names, strict=True)]
 
 
-def _drawn(
-    one: ConvexPart, two: ConvexPart, pose: Array, points: tuple[Array, Array], rho: Array
-) -> tuple[Array, Array]:
-    """Return points of either body where they are drawn."""
-    return one.seed + (points[0] + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + points[1] / rho[1]
-
-
-def _place(part: ConvexPart, own: Vertices) -> tuple[str, int]:
-    """Return kind and index of a part's edge or face of its vertices."""
+def kind_and_row(part: ConvexPart, own: Vertices) -> tuple[str, int]:
+    """Return kind and row of a part's vertex, edge or face, by its vertices."""
+    if len(own) == 1:
+        return "V", own[0]
     if len(own) == 2:
         return "E", int(np.flatnonzero(np.isin(part.edges[:, :2], own).all(axis=1))[0])
     return "F", part.loops.index(own)
@@ -139,20 +132,6 @@ def supporting_contact(
     """
     tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
     return contact_between(one, two, pose, *tops)
-
-
-def touching_contact(
-    one: ConvexPart, two: ConvexPart, normals: Array, pose: Array, slack: float = DEFAULT.tie
-) -> Contact:
-    """Return how two touching parts touch: what supports them in a direction between all facet directions there.
-
-    `normals`, (k, 3): facet directions of their Minkowski difference that are tight at a pose, (12,). `slack` as of
-    `supporting_contact`.
-    """
-    total = normals.sum(axis=0)
-    length = np.linalg.norm(total)
-    # opposite directions cancel where there is contact on both sides
-    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
 
 
 def contact_at(
@@ -214,7 +193,8 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         found.append(Meeting((i, j), contact))
         near = len(touching) > 1 and abs(separations[widest]) <= tight
         near = near and _across(one, two, contact, separations) <= tight
-        sure.append(near and _misses(one, two, pose, contact, rho) <= tight)
+        elements = placed_elements(one, two, pose, contact, rho)
+        sure.append(near and float(np.linalg.norm(np.subtract(*_nearest_points(*elements)))) <= tight)
     return [meeting for meeting, own in zip(found, sure, strict=True) if own or not any(sure)]
 
 
@@ -317,12 +297,19 @@ def _joint(movable: Body, static: Body, pose: Array, rho: Array, met: Meeting, s
     one, two = movable.parts[i], static.parts[j]
     sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
     tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
-    kept: list[int] = []
     own = np.array([_of_contact(one, two, contact, site) for site in sites[tight].tolist()], dtype=np.bool_)
-    for k in [*tight[own].tolist(), *tight[~own].tolist()]:  # as they turn other corners leave
-        if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
-            kept.append(k)
+    order = np.concatenate([tight[own], tight[~own]])  # as they turn other corners leave
+    kept = order[distinct(rows[order, :3])]
     return Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
+
+
+def distinct(normals: Array, most: int | None = None) -> list[int]:
+    """Return the place of the first of each bundle of unit directions, (n, 3), so many at most."""
+    kept: list[int] = []
+    for k, normal in enumerate(normals):
+        if len(kept) != most and (normals[kept] @ normal < 1.0 - DEFAULT.nominal).all():
+            kept.append(k)
+    return kept
 
 
 def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequence[int]) -> bool:
@@ -359,13 +346,6 @@ def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Int
     )
 
 
-def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
-    """Return about how far the elements that are said to touch are from each other."""
-    X, Y = placed_elements(one, two, pose, contact, rho)
-    first, second = _nearest_points(X, Y)
-    return float(np.linalg.norm(first - second))
-
-
 def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
     """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is.
 
@@ -385,10 +365,10 @@ def site_corners(one: ConvexPart, two: ConvexPart, site: Ints | Sequence[int]) -
     return one.vertices_of(SITE_KINDS[kind][0], own), two.vertices_of(SITE_KINDS[kind][1], other)
 
 
-def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: Sequence[int]) -> Feature:
+def feature_of_site(one: ConvexPart, two: ConvexPart, site: Sequence[int]) -> Feature:
     """Return the bodies' elements of a facet of two parts' Minkowski difference."""
-    both = zip((movable, static), parts, SITE_KINDS[site[0]], site[1:], strict=True)
-    return Feature(*(body.parts[k].elements[letter][row] for body, k, letter, row in both))
+    both = zip((one, two), SITE_KINDS[site[0]], site[1:], strict=True)
+    return Feature(*(part.elements[letter][row] for part, letter, row in both))
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:

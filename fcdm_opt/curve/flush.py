@@ -16,6 +16,7 @@ from fcdm_opt.curve.contact import (
     contact_set,
     covers,
     dimension,
+    distinct,
     located,
     placed_elements,
     supporting_contact,
@@ -161,7 +162,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
         touching = located(one, two, pose, touching, rho)
         size = dimension(contact_set(one, two, pose, touching, rho), least)
         carriers: tuple[Carrier, ...] = ()
-        for normal in distinct(tight) if size else ():
+        for normal in tight[distinct(tight)] if size else ():
             contact = supporting_contact(one, two, normal, pose)
             contact = located(one, two, pose, contact, rho)
             feature = contact.feature
@@ -199,15 +200,6 @@ def _is_plane(movable: Body, static: Body, feature: Feature, touching: Feature) 
         return False
     sides = ((movable, feature.one), (static, feature.two))
     return all(element.kind != "F" or tuple(sorted(element.vertices)) in body.faces for body, element in sides)
-
-
-def distinct(normals: Array) -> list[Array]:
-    """Return one of each bundle of directions."""
-    kept: list[Array] = []
-    for normal in normals:
-        if all(normal @ known < 1.0 - DEFAULT.nominal for known in kept):
-            kept.append(normal)
-    return kept
 
 
 def _carriers(movable: Body, static: Body, touching: Contact) -> Iterator[Carrier]:

@@ -18,12 +18,12 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import (
-    SITE_KINDS,
     Contact,
     contact_at,
     contact_between,
+    feature_of_site,
     site_corners,
-    touching_contact,
+    supporting_contact,
 )
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
@@ -249,7 +249,7 @@ class Region:
         closed = not endless and (points[first + chain] == points[first + chain + count]).all()
         corner = self._corner(sites[before]) if closed or first <= before < first + count - 1 else None
         site, row = tuple(sites[k, :3].tolist()), rows[k]
-        contact = _site_contact(self.one, self.two, site)
+        contact = Contact(feature_of_site(self.one, self.two, site), *site_corners(self.one, self.two, site))
         return _piece(contact, site, row, self.parts, self.table[number], ends, corner)
 
     def _tied_piece(self, number: int, site: Ints, row: Array, ends: tuple[Array | None, ...]) -> Piece:
@@ -320,12 +320,15 @@ class Region:
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
         if not tight.any():
             return strict
-        found = touching_contact(self.one, self.two, rows[tight, :3], self.pose, DEFAULT.planarity)
-        first, second = (
+        normal, first = rows[tight, :3].sum(axis=0), rows[tight, :3][0]
+        # between all directions; opposite ones cancel where there is contact on both sides
+        normal = normal / length if (length := np.linalg.norm(normal)) > DEFAULT.nominal else first
+        found = supporting_contact(self.one, self.two, normal, self.pose, DEFAULT.planarity)
+        own = (
             exact if min(len(exact), len(own)) > 2 else own
             for own, exact in ((found.one, strict.one), (found.two, strict.two))
         )
-        return contact_between(self.one, self.two, self.pose, first, second)
+        return contact_between(self.one, self.two, self.pose, *own)
 
     def _site(self, piece: ExactPiece, contact: Contact) -> tuple[int, int, int]:
         """Return a facet of the Minkowski difference that an exact piece lies on, from what its direction supports."""
@@ -384,18 +387,9 @@ def _row_and_ends(piece: ExactPiece) -> tuple[Array, Array | None, Array | None]
 
 
 def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
-    """Return base, travel, lo and hi of a piece between two ends, see `Region.table`."""
-    gradient = row[3:5]
-    steep = np.hypot(*gradient)
-    base = row[5] / steep**2 * gradient
-    travel = np.array([gradient[1], -gradient[0]]) / steep
-    lo, hi = (far if x is None else (x - base) @ travel for x, far in ((start, -np.inf), (end, np.inf)))
-    return np.array([*base, *travel, lo, hi])
-
-
-def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Contact:
-    both = zip((one, two), SITE_KINDS[site[0]], site[1:], strict=True)
-    return Contact(Feature(*(part.elements[kind][k] for part, kind, k in both)), *site_corners(one, two, site))
+    """Return base, travel, lo and hi of a piece between two ends, see `Region.table`; None is infinity."""
+    points = np.array([np.zeros(2) if x is None else x for x in (start, end)])
+    return _table(row[None], points, np.array([[0, 1, 1, (end is None) + 2 * (start is None)]]))[0]
 
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:

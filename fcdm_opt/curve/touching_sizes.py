@@ -49,6 +49,10 @@ class PairRows(NamedTuple):
     elements: list[tuple[tuple[str, int], tuple[str, int]]]
     features: Sequence[Feature] = ()  # of contacts as drawn, in place of elements
 
+    def some(self, rows: Ints) -> PairRows:
+        """Return some rows, of elements."""
+        return PairRows(self.parts, self.values[rows], self.normals[rows], [self.elements[k] for k in rows.tolist()])
+
 
 @dataclass(frozen=True, eq=False)
 class TouchingSizes:
@@ -146,7 +150,7 @@ class TouchingSizes:
         counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
-        always = [not permanent and max(map(abs, _ends(own, box))) <= slack for own in pairs]
+        always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
         if all(always):
             always = [False] * len(pairs)
         held = [own for own, left in zip(pairs, always, strict=True) if left]
@@ -223,13 +227,11 @@ class TouchingSizes:
     def shifted(self, q: Array) -> TouchingSizes:
         """Return them with the movable body shifted by q, (s,), along its ways; other rows than the nearest go."""
         count, box, pairs = len(self.sizes), self.box[: len(self.sizes)], []
-        middle, half = _centred(box)
         for pair in self.pairs:
             values = pair.values[:, : 1 + count].copy()
             values[:, 0] += pair.values[:, 1 + count :] @ q
-            heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
-            kept = np.flatnonzero(heights + swings >= (heights - swings).max())
-            pairs.append(PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept]))
+            lows, highs = _ends(values, box)
+            pairs.append(pair._replace(values=values).some(np.flatnonzero(highs >= lows.max())))
         return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
     def feature(self, own: PairRows, row: int) -> Feature:
@@ -297,9 +299,7 @@ class TouchingSizes:
             return float(self.gap(where)), where
         box = self.box
         middle, half = _centred(box)
-        tops = [
-            pair.values[:, 0] + pair.values[:, 1:] @ middle + np.abs(pair.values[:, 1:]) @ half for pair in self.pairs
-        ]
+        tops = [_ends(pair.values, box)[1] for pair in self.pairs]
         bound = min(float(top.max()) for top in tops)
         lowest = min(range(len(tops)), key=lambda k: float(tops[k].max()))
         where = middle + half * np.sign(self.pairs[lowest].values[tops[lowest].argmax(), 1:])
@@ -312,7 +312,8 @@ class TouchingSizes:
             if height <= best + near:
                 break
             rows = np.array([self.pairs[k].values[row] for k, row in taken.items()]).reshape(-1, 1 + len(box))
-            value, p = _most_of(rows, box, bound)
+            value, p = least_of(-rows, box) if len(rows) else (-bound, box.mean(axis=1))
+            value = min(-value, bound)  # the largest that every row may have
             if value <= best:
                 continue
             here = [float((pair.values[:, 0] + pair.values[:, 1:] @ p).max()) for pair in self.pairs]
@@ -486,10 +487,10 @@ def _pair(
     if along is not None and (near := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
         normals, values, first, second, kinds = (own[near] for own in (normals, values, first, second, kinds))
     middle, half = _centred(box)
-    heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
-    least = (heights - swings).max()
-    kept = np.flatnonzero(heights + swings >= least - DEFAULT.planarity * size)
-    kept = kept[np.lexsort((kinds[kept], -heights[kept]))]
+    lows, highs = _ends(values, box)
+    kept = np.flatnonzero(highs >= lows.max() - DEFAULT.planarity * size)
+    heights = values[kept, 0] + values[kept, 1:] @ middle
+    kept = kept[np.lexsort((kinds[kept], -heights))]
     kept = kept[_undone(values[kept], middle, half, DEFAULT.planarity * size)]
     elements = []
     for k in kept.tolist():
@@ -567,18 +568,18 @@ def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> Pai
     return pair._replace(values=values)
 
 
-def _ends(pair: PairRows, box: Array) -> tuple[float, float]:
-    """Return a bound of the least gap of a pair in the box, and its largest."""
+def _ends(values: Array, box: Array) -> tuple[Array, Array]:
+    """Return the least and the largest that each row has in the box: their largest bound a pair's gap."""
     middle, half = _centred(box)
-    heights, swings = pair.values[:, 0] + pair.values[:, 1:] @ middle, np.abs(pair.values[:, 1:]) @ half
-    return float((heights - swings).max()), float((heights + swings).max())
+    heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
+    return heights - swings, heights + swings
 
 
 def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     """Return the pairs that can be the nearest somewhere in the box."""
-    ends = [_ends(own, box) for own in pairs]
-    most = min(high for _, high in ends)
-    return [pair for pair, (low, _) in zip(pairs, ends, strict=True) if low <= most]
+    ends = [_ends(own.values, box) for own in pairs]
+    most = min(highs.max() for _, highs in ends)
+    return [pair for pair, (lows, _) in zip(pairs, ends, strict=True) if lows.max() <= most]
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:
@@ -598,16 +599,7 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     for k in np.flatnonzero(~seen).tolist():
         others = np.delete(np.arange(len(values)), k)
         seen[k] = least_of(values[others] - values[k], box, sign=True)[0] < 0.0
-    kept = np.flatnonzero(seen)
-    return PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept.tolist()])
-
-
-def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
-    """Return the largest t such that some p of the box has t <= every row, t <= bound, and that p."""
-    if not len(rows):
-        return bound, box.mean(axis=1)
-    value, place = least_of(-rows, box)
-    return min(-value, bound), place
+    return pair.some(np.flatnonzero(seen))
 
 
 def least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:

@@ -12,11 +12,9 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_PAIRS = 256
-"""Pairs of convex parts up to which planes between them are looked for."""
+MOST_PAIRS = 256  # pairs of convex parts up to which planes between them are looked for
 
-Sizes = list[tuple[Body, Body, float, float]]
-"""Of both bodies: as drawn, as made, and at which scale each."""
+Sizes = list[tuple[Body, Body, float, float]]  # of both bodies: as drawn, as made, and at which scale each
 
 
 class _HalfSpaces(NamedTuple):

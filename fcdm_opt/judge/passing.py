@@ -15,16 +15,12 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_LINES = 2048
-"""Lines that are looked at: where facets have most in common as seen along the way, and a choice of the others."""
-BATCH_SIZE = 1 << 16
-"""Pairs of boxes up to which all are compared."""
+MOST_LINES = 2048  # that are looked at: where facets seen along the way have most in common, and a choice of others
+BATCH_SIZE = 1 << 16  # pairs of boxes up to which all are compared
 AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in 0.1 + np.arange(6) * np.pi / 3.0])
 """Lines about one, at a distance of 1."""
-NEXT, LAST = [1, 2, 0], [2, 0, 1]
-"""The corners of a triangle after each, and before it."""
-UNEVEN = np.sqrt(np.arange(2.0, 17.0))
-"""Weights of the points that a line is put in the middle of: not on a line of symmetry, where edges are."""
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # the corners of a triangle after each, and before it
+UNEVEN = np.sqrt(np.arange(2.0, 17.0))  # weights of points that a line is put between: on no line of symmetry
 
 
 def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack: float) -> bool:
