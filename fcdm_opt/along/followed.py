@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
-from fcdm_opt.curve.contact import kind_and_row
+from fcdm_opt.curve.contact import Contact, kind_and_row
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
@@ -283,23 +283,14 @@ def _flush_rests(problem: Problem, flush: Flush, k: int) -> list[Rest]:
     for one, two, contact in flush.carriers:
         parts = _place(problem.active[0].parts, one), _place(problem.active[1].parts, two)
         corners = one.vertices[list(contact.one)] - one.seed, two.vertices[list(contact.two)] - two.seed
-        conditions = partial(_flush_conditions, one, two, flush, contact.one, contact.two, contact.parallel, k)
-        rests.append(Rest(parts, corners, conditions))
+        rests.append(Rest(parts, corners, partial(_flush_conditions, one, two, flush, contact, k)))
     return sorted(rests, key=lambda rest: rest.parts != flush.parts)
 
 
-def _flush_conditions(
-    one: ConvexPart,
-    two: ConvexPart,
-    flush: Flush,
-    own: tuple[int, ...],
-    other: tuple[int, ...],
-    parallel: bool,
-    k: int,
-) -> LineAndConditions:
+def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: Contact, k: int) -> LineAndConditions:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
-    n = flush.normal
+    n, own, other, parallel = flush.normal, contact.one, contact.two, contact.parallel
     faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
     has = [
         bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)

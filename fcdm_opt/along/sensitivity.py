@@ -303,10 +303,7 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
 
 
 def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, Any], Array]:
-    """Return the derivatives of the motion by the problem's sizes, and by the pose of the movable body as drawn.
-
-    And those of the amount by the sizes.
-    """
+    """Return the motion's derivatives by the problem's sizes and the pose of body 1, and the amount's by sizes."""
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
     moved, amounts = np.full((len(fields), len(task.weights)), np.nan), np.full(len(fields), np.nan)

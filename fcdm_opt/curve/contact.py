@@ -47,10 +47,7 @@ class Contact:
 def contact_between(
     one: ConvexPart, two: ConvexPart, pose: Array, first: Iterable[int], second: Iterable[int]
 ) -> Contact:
-    """Return the contact of the smallest elements that hold these vertices, of each part on one element.
-
-    `pose`, (12,): R, row by row, and d.
-    """
+    """Return the contact of the smallest elements that hold these vertices, each part's on one; pose (12,)."""
     (own, mine), (other, theirs) = _element(one, set(first)), _element(two, set(second))
     parallel = False
     if len(mine) == len(theirs) == 2:

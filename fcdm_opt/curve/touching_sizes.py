@@ -475,10 +475,7 @@ def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:
 def _pair(
     parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float, along: Array | None
 ) -> PairRows:
-    """Return the rows of a pair that some row elsewhere does not outdo all over the box; those along directions alone.
-
-    All where none is.
-    """
+    """Return the rows of a pair that no row elsewhere outdoes in the box, those along directions alone if any."""
     pacing.check()
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))

@@ -95,10 +95,7 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
 
 @lru_cache(maxsize=16)
 def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
-    """Tell whether body 1 goes through the other one, or a keep-out, on the straight ray of the parameters.
-
-    In steps where it turns.
-    """
+    """Tell whether body 1 goes through body 2, or a keep-out, on the straight ray of parameters, turning in steps."""
     problem = problem.of_facets  # the pieces that are exact at points are no solids
     q = np.array(parameters)
     size, turned = problem.size, float(np.abs(q[problem.motion.turning]).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import hypot, isfinite, nan
+from operator import attrgetter
 
 import numpy as np
 
@@ -218,13 +219,8 @@ def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float,
         if own.transform is not None and problem.goal != asked.goal:  # which it answers too, where it restores faces
             touching = touching_again(asked)
             asked = touching if touching is not None and restores(asked, own.transform) else asked
-        same = all(
-            np.array_equal(getattr(asked, key), getattr(problem, key))
-            for key in ("goal", "contacts", "target", "clearance")
-        ) and all(
-            np.array_equal(getattr(asked, role).vertices, getattr(problem, role).vertices)
-            for role in ("movable", "static")
-        )
+        keys = "goal", "contacts", "target", "clearance", "movable.vertices", "static.vertices"
+        same = all(map(np.array_equal, *(attrgetter(*keys)(own) for own in (asked, problem))))
         checks.append(Check(f"asked: {pair}", same, float(same), 1.0, "the question is the assembly's"))
         if own.transform is None:
             checks.append(Check(f"contact: {pair}", False, float("nan"), 0.0, own.status.name))

@@ -179,11 +179,8 @@ def straight(task: Task) -> Answer | None:
         in_the_way = blocked[(lows < place) & (place < highs)]
         stops[in_the_way] |= others[in_the_way].all()
     q = np.array([least])
-    ways = {
-        tuple(pairs[k].tolist()): normals[k][int(2.0 * least > low[k] + high[k])]
-        for k in blocked.tolist()
-        if k in normals
-    }
+    sides = {k: int(2.0 * least > low[k] + high[k]) for k in blocked.tolist() if k in normals}
+    ways = {tuple(pairs[k].tolist()): normals[k][side] for k, side in sides.items()}
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))

@@ -247,9 +247,8 @@ class Relaxation:
                 overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
                     values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
-                    self._rows.append(
-                        Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
-                    )
+                    name = "flush contacts stay on one another"
+                    self._rows.append(Row(("over",), values, least / task.unit, INF, name))
                     added = True
         moving = (task.limits != 0).any(axis=1)
         turning = np.flatnonzero(moving & task.spins.any(axis=1))

@@ -196,12 +196,8 @@ def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None
 
 
 def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
-    corners = edges if closed else edges[:-1]
-    return ExactChain(
-        tuple([_piece(shadow.program, edge) for edge in edges]),
-        tuple(map(ExactCorner, corners)),
-        closed,
-    )
+    pieces = tuple([_piece(shadow.program, edge) for edge in edges])
+    return ExactChain(pieces, tuple(map(ExactCorner, edges if closed else edges[:-1])), closed)
 
 
 def _piece(program: Program, edge: Edge) -> ExactPiece:
