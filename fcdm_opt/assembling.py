@@ -89,7 +89,10 @@ class _Solving:
         """Meet all contacts, then whatever overlaps besides, until nothing does."""
         start, pairs = perf_counter(), list(self._assembly.contacts)
         while True:
-            groups = self._met_all(pairs)
+            asked, groups = list(_groups(self._assembly, pairs)), list[_Met]()
+            for group in asked:  # each may take an equal share of the time left
+                with pacing.sharing(1.0 / (len(asked) - len(groups))):
+                    groups.append(self._met(group)._replace(names=tuple(map(str, group))))
             q = {part: own for group in groups for part, own in group.q.items()}
             more = list[JoinedPair]()
             with suppress(pacing.TimeOverError):  # the judge looks at it, too
@@ -103,14 +106,6 @@ class _Solving:
         start = perf_counter()
         found, certificate = judged(found, placed)
         return found.with_certificate(certificate, {**took, "verify": perf_counter() - start})
-
-    def _met_all(self, pairs: Sequence[JoinedPair]) -> list[_Met]:
-        """Meet some contacts in groups that share motions; each may take an equal share of the time left."""
-        groups, met = list(_groups(self._assembly, pairs)), list[_Met]()
-        for group in groups:
-            with pacing.sharing(1.0 / (len(groups) - len(met))):
-                met.append(self._met(group)._replace(names=tuple(map(str, group))))
-        return met
 
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""

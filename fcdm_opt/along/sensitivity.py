@@ -281,6 +281,9 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
     motions, by_size = _motions(problem, task, q)  # corners of cuts alone are no data, and contacts on a line one
     sizes = {name: float(other if np.isnan(x) else x) for (name, x), other in zip(sizes.items(), by_size, strict=True)}
     limits = data[layout.limits].reshape(-1, 2).tolist()
+    step, given = DEFAULT.stationary * problem.length, problem.request["weights"]
+    ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
+    by_length = np.where([name in given for name in names], 0.0, (ends[0] - ends[1]) / (2.0 * step))
     return Sensitivity(
         exists=not reasons,
         reasons=tuple(dict.fromkeys(reasons)),
@@ -291,7 +294,7 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         clearance=clearance,
         keep_out={own.name: x for own, x in zip(task.keep_out, kept, strict=True)},
         weights=dict(zip(names, weights.tolist(), strict=True)),
-        length=float(_weights_by_length(problem) @ weights),
+        length=float(by_length @ weights),
         faces=faces,
         vertices=vertices,
         seeds=seeds,
@@ -513,12 +516,3 @@ def _nominal_features(problem: Problem, task: Task) -> tuple[FeaturePoints, ...]
         feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))
         for piece in contact.pieces
     )
-
-
-def _weights_by_length(problem: Problem) -> Array:
-    """Return how the weights change with the length, where they follow it."""
-    step = DEFAULT.stationary * problem.length
-    ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
-    rates = (ends[0] - ends[1]) / (2.0 * step)
-    given = problem.request["weights"]
-    return np.where([name in given for name in problem.motion.names], 0.0, rates)

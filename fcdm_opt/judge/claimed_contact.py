@@ -142,7 +142,9 @@ class Claim:
 
     def rows(self, poses: Array) -> Array:
         """Return the contact's normal, from body 1 to body 2, and (a, b, c) at each pose, (k, 6); nan without one."""
-        return self._rows(self._carriers[0], poses) if self._carriers else np.full((len(poses), 6), np.nan)
+        if not self._carriers:
+            return np.full((len(poses), 6), np.nan)
+        return judging.contact_rows(*self._carriers[0][:-1], self._seeds, poses)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
@@ -174,9 +176,6 @@ class Claim:
             found[:, 0] = np.fmin(found[:, 0], own[:, 0])
             found[wider, 1:] = own[wider, 1:]
         return found
-
-    def _rows(self, host: _Host, poses: Array) -> Array:
-        return judging.contact_rows(*host[:-1], self._seeds, poses)
 
     def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
         pacing.check()

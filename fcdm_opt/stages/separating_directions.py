@@ -202,7 +202,7 @@ class Linearised(NamedTuple):
 
         def near(heights: Array) -> Ints:  # vertices that may meet a plane, or else the nearest
             rows = np.flatnonzero(heights <= max(need, 0.0) + self.band)
-            return rows if len(rows) else heights.argmin(keepdims=True)
+            return rows if len(rows) else np.array([heights.argmin()])
 
         sites, lines, gaps = task.separations(parts, task.pose(q))
         if not self.turns.any() and need <= 0.0:  # a shift: one row for all vertices
