@@ -332,8 +332,8 @@ class Holding:
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            every_way = rows[own or tight, :3]
-            normals, gap = [*every_way[distinct(every_way)]], widest
+            directions = rows[own or tight, :3]
+            normals, gap = [*directions[distinct(directions)]], widest
         if abs(gap - max(obstacle.need, 0.0)) > self.slack:
             return []
         ways = []
