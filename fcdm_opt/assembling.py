@@ -36,8 +36,7 @@ from fcdm_opt.stages.contact_system import all_at_once, least_restoring
 from fcdm_opt.tolerances import DEFAULT
 
 EXCLUDED = "true faces that touch as drawn cannot all touch again"
-Solve = Callable[[Problem], Solution]
-"""Answers one problem of two parts."""
+Solve = Callable[[Problem], Solution]  # answers one problem of two parts
 
 
 def assembled(
@@ -45,22 +44,10 @@ def assembled(
 ) -> AssemblySolution:
     """Find the smallest motions together that restore all contacts of an assembly, and have them judged.
 
-    Parameters
-    ----------
-    assembly : Assembly
-    solve, quick : callable
-        Answer the contacts that are problems of their own, as is asked and with no more than a bound.
-    model : str
-        "auto", or what is forced: of contacts that share motions, which are one program, nothing can be.
-    certify : bool
-        What proves the bounds of these is kept.
-    prove : bool
-        Look for bounds where motions turn.
-
-    Raises
-    ------
-    InputError
-        For a forced model where contacts share motions.
+    `solve` and `quick` answer the contacts that are problems of their own, as is asked and with no more than a bound.
+    `model` is "auto", or what is forced: of contacts that share motions, which are one program, nothing can be, which
+    raises `InputError`. With `certify` what proves the bounds of these is kept; `prove` is to look for bounds where
+    motions turn.
     """
     return _Solving(assembly, solve, quick, model, certify, prove).solution()
 
@@ -102,7 +89,10 @@ class _Solving:
         """Meet all contacts, then whatever overlaps besides, until nothing does."""
         start, pairs = perf_counter(), list(self._assembly.contacts)
         while True:
-            groups = self._met_all(pairs)
+            asked, groups = list(_groups(self._assembly, pairs)), list[_Met]()
+            for group in asked:  # each may take an equal share of the time left
+                with pacing.sharing(1.0 / (len(asked) - len(groups))):
+                    groups.append(self._met(group)._replace(names=tuple(map(str, group))))
             q = {part: own for group in groups for part, own in group.q.items()}
             more = list[JoinedPair]()
             with suppress(pacing.TimeOverError):  # the judge looks at it, too
@@ -116,14 +106,6 @@ class _Solving:
         start = perf_counter()
         found, certificate = judged(found, placed)
         return found.with_certificate(certificate, {**took, "verify": perf_counter() - start})
-
-    def _met_all(self, pairs: Sequence[JoinedPair]) -> list[_Met]:
-        """Meet some contacts in groups that share motions; each may take an equal share of the time left."""
-        groups, met = list(_groups(self._assembly, pairs)), list[_Met]()
-        for group in groups:
-            with pacing.sharing(1.0 / (len(groups) - len(met))):
-                met.append(self._met(group)._replace(names=tuple(map(str, group))))
-        return met
 
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""

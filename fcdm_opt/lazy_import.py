@@ -14,28 +14,14 @@ def imported(place: str) -> Any:
     return getattr(import_module(f"fcdm_opt.{module}"), name)
 
 
-INSTALL = ".venv/bin/pip install -c constraints.txt -e '.[{}]'"
-"""How README has what is needed installed."""
+INSTALL = ".venv/bin/pip install -c constraints.txt -e '.[{}]'"  # how README has what is needed installed
 
 
 def extra(module: str, of: str, *, key: str | None = None, found: Any = None, needing: str = "") -> Any:
-    """Import a library that is installed with an extra of this project.
+    """Import a library that is installed with an extra of this project, `of` `project.optional-dependencies`.
 
-    Parameters
-    ----------
-    module : str
-        What to import.
-    of : str
-        The extra that installs it, a name of `project.optional-dependencies`.
-    key, found : optional
-        What asked for it, as `InputError` says it.
-    needing : str
-        What needs it, in words, "" where the key tells.
-
-    Raises
-    ------
-    InputError
-        Where it cannot be loaded; says what to install.
+    Raises `InputError`, which says what to install, where it cannot be loaded. `key` and `found` are what asked for it,
+    as `InputError` says it; `needing` is what needs it, in words, "" where the key tells.
     """
     try:
         return import_module(module)

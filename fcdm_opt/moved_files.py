@@ -20,10 +20,7 @@ Made = TypeVar("Made")
 def moved(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a name to write to, and move it to the wanted one when all is written; a file that fails is taken away.
 
-    Raises
-    ------
-    InputError
-        Where it cannot be written, or would take the place of a device.
+    Raises `InputError` where it cannot be written, or would take the place of a device.
     """
     try:
         path = Path(path)

@@ -29,10 +29,8 @@ def exclude_time(seconds: float) -> None:
     _spared[0] += seconds
 
 
-SEARCHED = 0.85
-"""Share of the time given that searching may take: what was found is still to be judged and shown."""
-JUDGED = 1.1
-"""The same of searching and judging."""
+SEARCHED = 0.85  # share of the time given that searching may take: what was found is still to be judged and shown
+JUDGED = 1.1  # the same of searching and judging
 
 
 class TimeOverError(FcdmError):
@@ -133,10 +131,7 @@ def check_time(seconds: float | None, key: str) -> None:
 def within(seconds: float | None, share: float = SEARCHED) -> _Override:
     """Let what is done meanwhile search no longer than a share of so many seconds; None, or what is longer: as it is.
 
-    Raises
-    ------
-    InputError
-        For what is no time.
+    Raises `InputError` for what is no time.
     """
     return _Override(_limit, _limit_within(seconds, share, "time"))
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 
-DIGITS = 9
-"""Significant digits of what is only drawn: far finer than any screen, and half the length of a float."""
+DIGITS = 9  # significant digits of what is only drawn: far finer than any screen, and half the length of a float
 
 
 class ShortRepr:

@@ -24,11 +24,9 @@ from fcdm_opt.errors import FcdmError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Outcome = tuple[bool, Any]
-"""Whether work was done, and its result or what it raised."""
+Outcome = tuple[bool, Any]  # whether work was done, and its result or what it raised
 
-WORTH = 100_000
-"""Bytes of a file from which on reading it is worth a process."""
+WORTH = 100_000  # bytes of a file from which on reading it is worth a process
 
 _allowed: list[bool] = []
 

@@ -127,10 +127,7 @@ def any_motion(problem: Problem) -> Solution:
 def has_motion(problem: Problem) -> bool:
     """Tell whether the stages find a motion that stays in the fit, which the judge is not asked about.
 
-    Raises
-    ------
-    TimeOverError
-        Where the enclosing time limit is met before.
+    Raises `TimeOverError` where the enclosing time limit is met before.
     """
     how = _How("auto", certify=False, effort="quick", seconds=None, judge=False, confirm=False)
     solution = _least(problem, how)

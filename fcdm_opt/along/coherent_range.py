@@ -197,10 +197,6 @@ class AssemblyRange(Ends, Plain):
         opened = (f"{name}: {NO_CONTACT}" for name in self.apart)
         return "\n".join([*(f"{name}: {own}" for name, own in self.contacts.items()), *opened])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data, without the assembly: `from_dict` needs that besides."""
-        return super().to_dict()
-
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], assembly: Assembly | None = None) -> Self:
         """Rebuild from `to_dict` and the assembly that it is of; raises `InputError`."""

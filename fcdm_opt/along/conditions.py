@@ -222,13 +222,7 @@ class Ray:
 
     @classmethod
     def of(cls, motion: Motion, direction: Array, movable_seed: Array, static_seed: Array) -> Ray:
-        """Return the ray of a motion.
-
-        Raises
-        ------
-        InputError
-            For a motion of the user's own that uses functions without known bounds.
-        """
+        """Return the ray of a motion; `InputError` for one of the user's own with functions without known bounds."""
         each = zip(motion.steps, motion.by_step(direction.tolist()), strict=True)
         made = [step.own_along_ray(part) for step, part in each]  # a free one a shift, and a turn about a line
         straight = Sequenced(tuple(own for simpler, _ in made for own in simpler))

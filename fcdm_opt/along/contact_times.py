@@ -194,12 +194,8 @@ def contact_times(
             raise InputError(what, key="scale_pair", found=scale_pair, allowed=allowed)
         return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
-    pair = (
-        problem.target
-        if scale_pair is None
-        else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
-    )
-    pair = frozen(pair)
+    given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
+    pair = frozen(problem.target if given is None else given)
     last = list[ContactTimes]()
 
     def touching(own: Problem) -> list[Array]:
@@ -329,10 +325,7 @@ def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
 def _to_first_contacts(
     problem: Problem, along: Array, pair: Array, limit: float | None
 ) -> tuple[Problem, float | None]:
-    """Return a question about large bodies with the parts that meet first active, and how far that is to be looked at.
-
-    Others as they are.
-    """
+    """Return a question with the parts of large bodies that meet first active, and how far to look; others as is."""
     if not problem.partial:
         return problem, limit
     ends = [_span_of(problem, sign * along, pair, reach(problem, sign * along, limit)) for sign in (-1.0, 1.0)]

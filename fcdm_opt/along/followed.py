@@ -16,6 +16,7 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
+from fcdm_opt.curve.contact import Contact, kind_and_row
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
@@ -65,19 +66,11 @@ LineAndConditions = tuple[Array | None, list[tuple[Conditions, Cause]]]
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A part pair on which a tracked feature can rest, with the conditions that make it real there.
-
-    Attributes
-    ----------
-    parts : tuple of int
-    corners : pair of (n, 3) arrays
-        Of either part's elements in contact, relative to its seed.
-    make : callable
-        Returns `line` and `groups`: of hundreds of part pairs on which a large face lies few are asked for them.
-    """
+    """A part pair on which a tracked feature can rest, with the conditions that make it real there."""
 
     parts: Parts
-    corners: tuple[Array, Array]
+    corners: tuple[Array, Array]  # (n, 3): of either part's elements in contact, relative to its seed
+    # returns `line` and `groups`: of hundreds of part pairs on which a large face lies few are asked for them
     make: Callable[[], LineAndConditions]
 
     @cached_property
@@ -106,10 +99,7 @@ class Followed(NamedTuple):
 def followed(problem: Problem) -> tuple[Followed, ...]:
     """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or `contacts`.
 
-    Raises
-    ------
-    InputError
-        Where the nominal pair is not on the decision curve.
+    Raises `InputError` where the nominal pair is not on the decision curve.
     """
     if problem.contacts:
         return _together(problem)
@@ -209,15 +199,7 @@ def _sites(problem: Problem, feature: Feature, kind: int) -> Iterator[tuple[Part
         for first in one.carriers(feature.one):
             for j, two in enumerate(problem.active[1].parts):
                 for second in two.carriers(feature.two):
-                    yield (i, j), (kind, _index(one, first), _index(two, second))
-
-
-def _index(part: ConvexPart, own: tuple[int, ...]) -> int:
-    if len(own) == 1:
-        return own[0]
-    if len(own) == 2:
-        return int(np.flatnonzero((np.sort(part.edges[:, :2], axis=1) == sorted(own)).all(axis=1))[0])
-    return part.loops.index(own)
+                    yield (i, j), (kind, kind_and_row(one, first)[1], kind_and_row(two, second)[1])
 
 
 def _rest(problem: Problem, parts: Parts, site: Site, normal: Array, k: int) -> Rest:
@@ -301,23 +283,14 @@ def _flush_rests(problem: Problem, flush: Flush, k: int) -> list[Rest]:
     for one, two, contact in flush.carriers:
         parts = _place(problem.active[0].parts, one), _place(problem.active[1].parts, two)
         corners = one.vertices[list(contact.one)] - one.seed, two.vertices[list(contact.two)] - two.seed
-        conditions = partial(_flush_conditions, one, two, flush, contact.one, contact.two, contact.parallel, k)
-        rests.append(Rest(parts, corners, conditions))
+        rests.append(Rest(parts, corners, partial(_flush_conditions, one, two, flush, contact, k)))
     return sorted(rests, key=lambda rest: rest.parts != flush.parts)
 
 
-def _flush_conditions(
-    one: ConvexPart,
-    two: ConvexPart,
-    flush: Flush,
-    own: tuple[int, ...],
-    other: tuple[int, ...],
-    parallel: bool,
-    k: int,
-) -> LineAndConditions:
+def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: Contact, k: int) -> LineAndConditions:
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
-    n = flush.normal
+    n, own, other, parallel = flush.normal, contact.one, contact.two, contact.parallel
     faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
     has = [
         bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)

@@ -23,6 +23,7 @@ from fcdm_opt.curve.contact import (
     Contact,
     contact_at,
     contact_set,
+    distinct,
     feature_of_site,
     is_own,
     located,
@@ -31,7 +32,6 @@ from fcdm_opt.curve.contact import (
     supporting_contact,
 )
 from fcdm_opt.curve.features import Feature, is_within
-from fcdm_opt.curve.flush import distinct
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.elements import Element
@@ -86,10 +86,16 @@ class Holding:
 
     def groups(self) -> list[Alternatives]:
         """Return all that may hold the motion: of each group one of the alternatives does."""
+        task = self.task
         groups: list[Alternatives] = [[(rate,)] for rate in (*self._limits(), *self._aligned(), *self._goal())]
-        if np.isfinite(self.task.needs).any():
+        if np.isfinite(task.needs).any():
             groups += self._pair_states()
-        return groups + self._coherence() if self.task.tracked else groups
+        places = task.path_positions(self.q) if task.coherent else [1.0]  # where a tracked contact must be real
+        for s in places if task.tracked else ():
+            rho, pose, tracked = task.tracked_contact(self.q, s)
+            if np.isfinite(rho).all() and rho.min() > 0:
+                groups += self._real(s, rho, pose, tracked)
+        return groups
 
     # ------------------------------------------------------------------------------------------------- limits, goals
 
@@ -275,7 +281,11 @@ class Holding:
         near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
         near = near if every else self.task.beside_joints(near)
         ways = {(i, j): self._ways((i, j), every=every) for i, j in np.argwhere(near).tolist()}
-        return self._each_once(self._on_round_faces({parts: found for parts, found in ways.items() if found}))
+        known = dict[Any, tuple[Parts, list[Facing]]]()  # on a seam of a face pairs meet by the same elements
+        for parts, found in self._on_round_faces({parts: found for parts, found in ways.items() if found}).items():
+            own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
+            known.setdefault((self.task.obstacles[parts[1]].keep_out, own), (parts, found))
+        return dict(known.values())
 
     def _on_round_faces(self, pairs: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
         """Return the part pairs, of those that meet in one contact of true faces only the one that does so best."""
@@ -322,7 +332,8 @@ class Holding:
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            normals, gap = distinct(rows[own or tight, :3]), widest
+            directions = rows[own or tight, :3]
+            normals, gap = [*directions[distinct(directions)]], widest
         if abs(gap - max(obstacle.need, 0.0)) > self.slack:
             return []
         ways = []
@@ -332,16 +343,6 @@ class Holding:
             corners = contact_set(one, two, shifted, contact, rho)
             ways.append(Facing(normal, contact, corners[:MOST_CORNERS], gap))
         return ways
-
-    def _each_once(self, ways: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
-        """Return the part pairs without those that meet by the same elements as another: on a seam of a face."""
-        known, kept = set[Any](), dict[Parts, list[Facing]]()
-        for parts, found in ways.items():
-            own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
-            if (self.task.obstacles[parts[1]].keep_out, own) not in known:
-                known.add((self.task.obstacles[parts[1]].keep_out, own))
-                kept[parts] = found
-        return kept
 
     def _apart(self, parts: Parts, way: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
@@ -377,16 +378,6 @@ class Holding:
         return [*closings, *(self._apart(parts, way) for way in ways)]
 
     # ----------------------------------------------------------------------------------------------------- coherence
-
-    def _coherence(self) -> list[Alternatives]:
-        """Return what keeps the tracked contact real at its end, and at the points of the way that are looked at."""
-        task = self.task
-        groups: list[Alternatives] = []
-        for s in task.path_positions(self.q) if task.coherent else [1.0]:
-            rho, pose, tracked = task.tracked_contact(self.q, s)
-            if np.isfinite(rho).all() and rho.min() > 0:
-                groups += self._real(s, rho, pose, tracked)
-        return groups
 
     def _real(self, s: float, rho: Array, pose: Array, tracked: tuple[Tracked, ...]) -> list[Alternatives]:
         """Return what keeps the tracked contact real at one point of the way and may be active there."""
@@ -475,26 +466,16 @@ class Holding:
 
 def is_closed(task: Task, parts: tuple[int, int], site: Ints) -> bool:
     """Tell whether a facet of a pair's Minkowski difference is on a face of a contact that is restored."""
-    own = feature_of_site(task.movable, task.static, parts, site.tolist())
+    own = feature_of_site(task.movable.parts[parts[0]], task.static.parts[parts[1]], site.tolist())
     return any(is_within(own, joint.feature) for joint in task.joints)
 
 
 def fit_rows(gaps: Array, slopes: Array, slack: float) -> list[tuple[int, int, bool]]:
-    """Return what holds a motion of which the largest of some gaps >= 0 is least.
+    """Return what holds a motion of which the largest of some gaps >= 0, (n,), with derivatives, (n, k), is least.
 
-    Parameters
-    ----------
-    gaps : (n,) array
-    slopes : (n, k) array
-        Their derivatives.
-    slack : float
-        To which gaps are closed, or the largest.
-
-    Returns
-    -------
-    list of (gap, other, held)
-        `held`: that the gap stays 0 (other -1), or as large as another one, whatever the motion: some multipliers of
-        the least largest gap need it. Else it may grow, or fall below the other.
+    As (gap, other, held). `held`: that the gap stays 0 (other -1), or as large as another one, whatever the motion:
+    some multipliers of the least largest gap need it. Else it may grow, or fall below the other. `slack` is the length
+    to which gaps are closed, or the largest.
     """
     from scipy.optimize import linprog
 

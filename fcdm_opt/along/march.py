@@ -46,12 +46,8 @@ class Stop(NamedTuple):
 class March:
     """Both ways along a ray, from no motion, in x >= 0; without tracked features the scale pair stays as given.
 
-    Attributes
-    ----------
-    proved : bool
-        Whether all steps so far were covered by bounds.
-    unit : float
-        The natural step: what turns or moves things by about their size.
+    `proved`: whether all steps so far were covered by bounds; `unit`, the natural step, turns or moves things by about
+    their size.
     """
 
     def __init__(
@@ -386,13 +382,8 @@ class Others:
             worst = start + int(np.argmin(steps[start : start + len(way.rows)]))
             start += len(way.rows)
             if min(steps[worst], at.span) > best.step:
-                known, furthest = tied[worst], way
-                best = PairBound(
-                    float(min(steps[worst], at.span)),
-                    parts,
-                    None if known else expanded[worst],
-                    None if known else conditions.chosen([worst]),
-                )
+                ends = (None, None) if tied[worst] else (expanded[worst], conditions.chosen([worst]))
+                best, furthest = PairBound(float(min(steps[worst], at.span)), parts, *ends), way
         return best, furthest
 
     def _ways(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:

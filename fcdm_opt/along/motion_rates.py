@@ -19,8 +19,7 @@ import numpy as np
 
 from fcdm_opt.along.holding import fit_rows, is_closed
 from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved, round_contacts
-from fcdm_opt.curve.contact import is_own
-from fcdm_opt.curve.flush import distinct
+from fcdm_opt.curve.contact import distinct, is_own
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
@@ -104,27 +103,15 @@ def motion_rates(
     nominal: Sequence[FeaturePoints] = (),
     ratio: Array | None = None,
 ) -> Rates:
-    """Return how a least motion changes as points move and sizes change.
+    """Return how the least motion of tasks, (k,), changes as points move and sizes change.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        With the same parameters, weights and limits: one, or those of every two parts of an assembly.
-    q : (k,) array
-        Their least motion.
-    changes : sequence of sequences of Change
-        What is asked about: of each a change for every task.
-    nominal : sequence of FeaturePoints
-        Those of one task that meet at the nominal switching point, which takes the target pair along; none where it
-        stays.
-    ratio : (2,) array, optional
-        Of the target pair to the nominal one.
+    The tasks have the same parameters, weights and limits: one, or those of every two parts of an assembly. `changes`
+    are what is asked about: of each a change for every task. `nominal` are the features of one task that meet at the
+    nominal switching point, which takes the target pair along; none where it stays. `ratio`, (2,), is that of the
+    target pair to the nominal one.
 
-    Returns
-    -------
-    Rates
-        nan where there is no derivative: constraints that go with one side of the change only, and what no constraint
-        here holds. Of the amount there is one where all multipliers that balance say the same.
+    nan where there is no derivative: constraints that go with one side of the change only, and what no constraint here
+    holds. Of the amount there is one where all multipliers that balance say the same.
     """
     none, task = np.full(len(q), np.nan), tasks[0]
     missing = (NOT_WORKED_OUT,) * len(changes)
@@ -286,8 +273,9 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
             continue  # only cuts of the solids meet, which touch elsewhere or not at all
         if other is task.static and any(is_closed(task, (i, j), sites[k]) for k in own_sites):
             continue  # by a contact that is closed in any case
-        normals = distinct(rows[own_sites or tight, :3])
-        if other is task.static and any(own.is_of(task, (i, j), sites[tight], np.array(normals)) for own in meetings):
+        normals = rows[own_sites or tight, :3]
+        normals = normals[distinct(normals)]
+        if other is task.static and any(own.is_of(task, (i, j), sites[tight], normals) for own in meetings):
             continue
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
         if swept or len(normals) > 1 or abs(widest - max(obstacle.need, 0.0)) > slack:

@@ -25,24 +25,14 @@ BALANCED = DEFAULT.active**0.5  # as `Tolerances.stationary`: an amount is right
 
 
 class RoundContact(NamedTuple):
-    """Two true faces that touch, not at an edge of either.
+    """Two true faces that touch, not at an edge of either."""
 
-    Attributes
-    ----------
-    points : (2, 3) array
-        Of either body, as drawn.
-    frame : (3, 3) array
-        Two directions in the tangent plane where the motion ends, and the normal from body 1 to body 2.
-    bends : (2, 2, 2) array
-        Second derivatives of the gap to either face along these directions, positive where it is convex.
-    patches : (Patch, Patch)
-        As drawn.
-    """
-
-    points: Array
+    points: Array  # (2, 3): of either body, as drawn
+    # (3, 3): two directions in the tangent plane where the motion ends, and the normal from body 1 to body 2
     frame: Array
+    # (2, 2, 2): second derivatives of the gap to either face along these directions, positive where it is convex
     bends: Array
-    patches: tuple[Patch, Patch]
+    patches: tuple[Patch, Patch]  # as drawn
 
     def is_of(self, task: Task, parts: tuple[int, int], sites: Ints, normals: Array) -> bool:
         """Tell whether a pair of parts that meet at sites, in directions, does so in this contact, or beside it."""
@@ -100,27 +90,13 @@ def curved(contact: RoundContact, shifts: Array, turns: Array, twist: Array) -> 
     """Return the second derivatives of the gap beyond those of a point and a plane, and what must not change.
 
     Face 1 is at height -u B1 u / 2 over the tangent plane, face 2 at v B2 v / 2 with v = u + d where body 1 is shifted
-    by d along the plane; where it also sinks by a u, as it turns, the gap at u is
+    by d along the plane, `shifts`; where it also sinks by a u, as it turns, `turns`, the gap at u is u B1 u / 2 + a u +
+    (u + d) B2 (u + d) / 2, and the least over u is that of the faces. Both are (2, n), by n data, as is `twist`, (n,):
+    by how much body 1 turns about the normal.
 
-        u B1 u / 2 + a u + (u + d) B2 (u + d) / 2,
-
-    and the least over u is that of the faces.
-
-    Parameters
-    ----------
-    contact : RoundContact
-    shifts, turns : (2, n) array
-        d and a, by n data.
-    twist : (n,) array
-        By how much body 1 turns about the normal.
-
-    Returns
-    -------
-    second : (n, n) array
-    still : (m, n) array
-        Along a line of contact there is no such least gap where body 1 tilts, nor, of two faces bent across it, where
-        it twists: either end comes first. The products of these with the data must be 0.
-    None where the faces overlap beside the contact.
+    The derivatives are (n, n). Along a line of contact there is no such least gap where body 1 tilts, nor, of two faces
+    bent across it, where it twists: either end comes first. The products of what must not change, (m, n), with the data
+    must be 0. None where the faces overlap beside the contact.
     """
     one, two = contact.bends
     bends, along = np.linalg.eigh(one + two)

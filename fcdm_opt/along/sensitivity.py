@@ -46,13 +46,7 @@ SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs
 
 
 def sensitivity(solution: Solution) -> Sensitivity:
-    """Return the derivatives of a solution's amount.
-
-    Parameters
-    ----------
-    solution : Solution
-        Any; without a motion, or with one that nothing holds, the derivatives do not exist.
-    """
+    """Return the derivatives of a solution's amount; without a motion, or one that nothing holds, there are none."""
     problem, task = solution.problem, Task.of(solution.problem)
     layout = Layout.of(task)
     if not solution.status.found:
@@ -287,6 +281,9 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
     motions, by_size = _motions(problem, task, q)  # corners of cuts alone are no data, and contacts on a line one
     sizes = {name: float(other if np.isnan(x) else x) for (name, x), other in zip(sizes.items(), by_size, strict=True)}
     limits = data[layout.limits].reshape(-1, 2).tolist()
+    step, given = DEFAULT.stationary * problem.length, problem.request["weights"]
+    ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
+    by_length = np.where([name in given for name in names], 0.0, (ends[0] - ends[1]) / (2.0 * step))
     return Sensitivity(
         exists=not reasons,
         reasons=tuple(dict.fromkeys(reasons)),
@@ -297,7 +294,7 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         clearance=clearance,
         keep_out={own.name: x for own, x in zip(task.keep_out, kept, strict=True)},
         weights=dict(zip(names, weights.tolist(), strict=True)),
-        length=float(_weights_by_length(problem) @ weights),
+        length=float(by_length @ weights),
         faces=faces,
         vertices=vertices,
         seeds=seeds,
@@ -309,10 +306,7 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
 
 
 def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, Any], Array]:
-    """Return the derivatives of the motion by the problem's sizes, and by the pose of the movable body as drawn.
-
-    And those of the amount by the sizes.
-    """
+    """Return the motion's derivatives by the problem's sizes and the pose of body 1, and the amount's by sizes."""
     fields = [_by_pose(task.movable.seed, k) for k in range(6)]
     fields += [_by_one_size(problem, size) for size in problem.sizes]
     moved, amounts = np.full((len(fields), len(task.weights)), np.nan), np.full(len(fields), np.nan)
@@ -344,10 +338,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
 def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     """Return the derivatives of an assembly's solution, see `motion_rates`: its contacts are one program.
 
-    Parameters
-    ----------
-    solution : AssemblySolution
-        Any; without motions, or with ones that nothing holds, the derivatives do not exist.
+    Without motions, or with ones that nothing holds, the derivatives do not exist.
     """
     assembly, questions = solution.assembly, solution.assembly.questions
     found = dict(zip([pair[:2] for pair in assembly.contacts], solution.contacts, strict=False))
@@ -460,23 +451,10 @@ def _deviations(problem: Problem, body: str) -> dict[Size, float]:
 def by_moves(
     key: str, body: Body, moves: Array, faces: Mapping[str, float], vertices: Mapping[str, Array]
 ) -> tuple[float, str]:
-    """Return the change of the amount, to first order, where vertices of a body move: by them, or by its faces' shifts.
+    """Return the change of the amount, to first order, where vertices of a body move, and which derivatives tell it.
 
-    Parameters
-    ----------
-    key : str
-        How labels of the body begin: "P1".
-    body : Body
-    moves : (n, 3) array
-    faces, vertices : mappings
-        Of a `Sensitivity`.
-
-    Returns
-    -------
-    change : float
-        nan where there is no derivative.
-    by : str
-        "vertices" or "faces".
+    `moves`, (n, 3), are of all its vertices, `key` is how its labels begin: "P1". `faces` and `vertices` are a
+    `Sensitivity`'s; by "faces" where those of the "vertices" tell nothing. nan where there is no derivative.
     """
     change = _summed([vertices[f"{key}V{row}"] for row in range(1, len(moves) + 1)], moves)
     of_faces = np.isnan(change) and body.exact is None  # pieces at points of round faces are of no face of the body
@@ -538,12 +516,3 @@ def _nominal_features(problem: Problem, task: Task) -> tuple[FeaturePoints, ...]
         feature_points(task.movable, task.static, piece.site, piece.parts, piece.normal, np.eye(3))
         for piece in contact.pieces
     )
-
-
-def _weights_by_length(problem: Problem) -> Array:
-    """Return how the weights change with the length, where they follow it."""
-    step = DEFAULT.stationary * problem.length
-    ends = [np.array(problem.motion.weights(problem.length + side * step)) for side in (1.0, -1.0)]
-    rates = (ends[0] - ends[1]) / (2.0 * step)
-    given = problem.request["weights"]
-    return np.where([name in given for name in problem.motion.names], 0.0, rates)

@@ -28,18 +28,10 @@ T = TypeVar("T")
 
 
 class CarriedOver:
-    """Two bodies as drawn, and as made at some sizes, however these are cut into parts.
+    """Two bodies as drawn, and as made with deviations of their sizes, `values`, however these are cut into parts.
 
-    Parameters
-    ----------
-    drawn, made : (body 1, body 2)
-    values : (sizes of body 1, of body 2)
-        Deviations from drawn.
-
-    Raises
-    ------
-    InputError
-        Where what touches is gone on the body as made, with its face: then nothing tells what became of the contact.
+    Raises `InputError` where what touches is gone on the body as made, with its face: then nothing tells what became of
+    the contact.
     """
 
     def __init__(

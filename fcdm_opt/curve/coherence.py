@@ -17,19 +17,11 @@ from fcdm_opt.tolerances import DEFAULT
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """A feature of the tracked contact at some pose.
+    """A feature of the tracked contact at some pose."""
 
-    Attributes
-    ----------
-    parts, site : tuples of int
-        Part pair, and facet of the Minkowski difference.
-    normal, line : (3,) arrays
-        Unit direction from body 1 to body 2; (a, b, c).
-    """
-
-    parts: tuple[int, int]
+    parts: tuple[int, int]  # parts, site: part pair, and facet of the Minkowski difference
     site: tuple[int, int, int]
-    normal: Array
+    normal: Array  # normal, line: (3,): unit direction from body 1 to body 2; (a, b, c)
     line: Array
 
     @classmethod
@@ -63,6 +55,12 @@ class Fault(NamedTuple):
         """What identifies the fault, whatever its size."""
         return (self.kind, self.parts, self.site, self.body, self.vertex)
 
+    def kept(self, pair: str) -> str:
+        """Return what motions without the fault keep, in words; `pair` names its part pair."""
+        if self.kind == "unsupported":
+            return f"a vertex of body {self.body}, part {self.parts[self.body - 1] + 1}, behind the tracked feature"
+        return f"{pair} stays {'apart' if self.kind == 'overlapping' else 'in contact'} on the way"
+
 
 def contact_faults(
     movable: Body, static: Body, pose: Array, rho: Array, tracked: Sequence[Tracked], slack: float
@@ -71,17 +69,8 @@ def contact_faults(
 
     A contact that has moved over a seam into another part pair, on the same plane, is still the same contact.
 
-    Parameters
-    ----------
-    movable, static : Body
-    pose : (12,) array
-        Relative pose, see `kernels`.
-    rho : (2,) array
-        Scale pair on the tracked features' lines.
-    tracked : sequence of Tracked
-        Its features, at this pose.
-    slack : float
-        Length below which nothing is a fault.
+    The features are those at this pose, (12,), see `kernels`; the scale pair, (2,), is on their lines. `slack` is a
+    length below which nothing is a fault.
     """
     faults = [fault for feature in tracked for fault in _unsupported(movable, static, pose, rho, feature, slack)]
     touching = {feature.parts for feature in tracked}
@@ -114,20 +103,10 @@ def overlaps_between(
 ) -> list[float] | None:
     """Return where on the way of a shift parts overlap that are not said to touch, from its end back.
 
-    Parameters
-    ----------
-    movable, static : Body
-    ends : pairs of (relative pose, scale pair)
-        At positions 0 and 1; between them both change in proportion, and nothing turns.
-    touching : set of part pairs
-        Which touch at both ends.
-    slack : float
-        Length by which parts may overlap.
+    `ends`, a relative pose and scale pair each, are those at positions 0 and 1; between them both change in proportion,
+    and nothing turns. `touching` are the part pairs that touch at both; `slack` is a length by which parts may overlap.
 
-    Returns
-    -------
-    list of float, or None
-        Positions from 1 to 0, one within each stretch of overlap; None where a touching pair is apart at an end.
+    Positions from 1 to 0, one within each stretch of overlap; None where a touching pair is apart at an end.
     """
     (start, before), (pose, rho) = ends
     shift, growth = pose[9:] - start[9:], rho - before

@@ -21,35 +21,23 @@ from fcdm_opt.tolerances import DEFAULT
 Vertices = tuple[int, ...]
 Configuration = Literal["F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"]
 SITE_KINDS = {kernels.F1V2: "FV", kernels.V1F2: "VF", kernels.E1E2: "EE"}  # of the elements of a site
-_ORDER = {"F": 0, "E": 1, "V": 2}
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """The elements of two parts that touch.
+    """The elements of two parts that touch."""
 
-    Attributes
-    ----------
-    feature : Feature
-        The bodies' elements that they belong to.
-    one, two : tuple of int
-        Vertices of the parts' own elements: one, two, or a face's, in order around it.
-    parallel : bool
-        Whether they are two parallel edges.
-    """
-
-    feature: Feature
-    one: Vertices
+    feature: Feature  # the bodies' elements that they belong to
+    one: Vertices  # one, two: vertices of the parts' own elements: one, two, or a face's, in order around it
     two: Vertices
-    parallel: bool = False
+    parallel: bool = False  # whether they are two parallel edges
 
     @property
     def configuration(self) -> Configuration:
         """One of the seven: "F-V", "E-E crossing", "E-V", "V-V", "E-E parallel", "F-E", "F-F"."""
-        kinds = sorted("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two))
-        name = "-".join(sorted(kinds, key=_ORDER.__getitem__))
-        found = name + {True: " parallel", False: " crossing"}[self.parallel] if name == "E-E" else name
-        return cast("Configuration", found)
+        kinds = sorted(("VEF"[min(len(own), 3) - 1] for own in (self.one, self.two)), key="FEV".index)
+        name = "-".join(kinds)
+        return cast("Configuration", name + (" parallel" if self.parallel else " crossing") * (name == "E-E"))
 
     def labelled(self, feature: Feature) -> Contact:
         """Return the same contact under another feature."""
@@ -59,16 +47,7 @@ class Contact:
 def contact_between(
     one: ConvexPart, two: ConvexPart, pose: Array, first: Iterable[int], second: Iterable[int]
 ) -> Contact:
-    """Return the contact of the smallest elements that hold these vertices of both parts.
-
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-        R, row by row, and d.
-    first, second : iterables of int
-        Vertices of either part, on one element each.
-    """
+    """Return the contact of the smallest elements that hold these vertices, each part's on one; pose (12,)."""
     (own, mine), (other, theirs) = _element(one, set(first)), _element(two, set(second))
     parallel = False
     if len(mine) == len(theirs) == 2:
@@ -96,13 +75,7 @@ def _element(part: ConvexPart, vertices: set[int]) -> tuple[Element, Vertices]:
 def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Contact:
     """Return a contact named by where it is, for edges and faces of parts that lie on several of the body's own.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-    contact : Contact
-    rho : (2,) array
-        A scale pair at which they touch.
+    At a pose, (12,), and `rho`, (2,): a scale pair at which they touch.
     """
     if not (one.elements.spans or two.elements.spans):
         return contact
@@ -124,29 +97,24 @@ def features_along(
 ) -> list[Feature]:
     """Return the names of a contact at several (pose, scale pair), see `located`."""
     pairs = (one, contact.one, contact.feature.one), (two, contact.two, contact.feature.two)
-    spanning = [len(own) > 1 and _place(part, own) in part.elements.spans for part, own, _ in pairs]
+    spanning = [len(own) > 1 and kind_and_row(part, own) in part.elements.spans for part, own, _ in pairs]
     if not any(spanning):
         return [contact.feature] * len(places)
     drawn = []
     for pose, rho in places:
         point = contact_set(one, two, pose, contact, rho).mean(axis=0)
-        drawn.append(_drawn(one, two, pose, (point, point), rho))
+        drawn.append((one.seed + (point + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + point / rho[1]))
     names = [
-        part.elements_at(*_place(part, own), np.array(where)) if len(own) > 1 else [name] * len(places)
+        part.elements_at(*kind_and_row(part, own), np.array(where)) if len(own) > 1 else [name] * len(places)
         for (part, own, name), where in zip(pairs, zip(*drawn, strict=True), strict=True)
     ]
     return [Feature(*both) for both in zip(*names, strict=True)]
 
 
-def _drawn(
-    one: ConvexPart, two: ConvexPart, pose: Array, points: tuple[Array, Array], rho: Array
-) -> tuple[Array, Array]:
-    """Return points of either body where they are drawn."""
-    return one.seed + (points[0] + pose[9:]) @ pose[:9].reshape(3, 3) / rho[0], two.seed + points[1] / rho[1]
-
-
-def _place(part: ConvexPart, own: Vertices) -> tuple[str, int]:
-    """Return kind and index of a part's edge or face of its vertices."""
+def kind_and_row(part: ConvexPart, own: Vertices) -> tuple[str, int]:
+    """Return kind and row of a part's vertex, edge or face, by its vertices."""
+    if len(own) == 1:
+        return "V", own[0]
     if len(own) == 2:
         return "E", int(np.flatnonzero(np.isin(part.edges[:, :2], own).all(axis=1))[0])
     return "F", part.loops.index(own)
@@ -163,41 +131,13 @@ def supporting_contact(
     return contact_between(one, two, pose, *tops)
 
 
-def touching_contact(
-    one: ConvexPart, two: ConvexPart, normals: Array, pose: Array, slack: float = DEFAULT.tie
-) -> Contact:
-    """Return how two touching parts touch: what supports them in a direction between all facet directions there.
-
-    Parameters
-    ----------
-    one, two : ConvexPart
-    normals : (k, 3) array
-        Facet directions of their Minkowski difference that are tight.
-    pose : (12,) array
-    slack : float
-        See `supporting_contact`.
-    """
-    total = normals.sum(axis=0)
-    length = np.linalg.norm(total)
-    # opposite directions cancel where there is contact on both sides
-    return supporting_contact(one, two, total / length if length > DEFAULT.nominal else normals[0], pose, slack)
-
-
 def contact_at(
     one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, rho: Array, slack: float = DEFAULT.tie
 ) -> Contact:
     """Return how two touching parts touch at a scale pair: the smallest elements that hold all that they share.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    normal : (3,) array
-        A unit direction, from 1 to 2, that keeps them apart.
-    pose : (12,) array
-    rho : (2,) array
-        A scale pair at which they touch.
-    slack : float
-        Heights and places this near, relative to the sizes, are the same.
+    `normal`, (3,): a unit direction, from 1 to 2, that keeps them apart at a pose, (12,); `rho`, (2,): a scale pair at
+    which they touch. Heights and places within `slack`, relative to the sizes, are the same.
     """
     own = touching_vertices(*one.packed, *two.packed, pose, rho, normal, slack)
     return contact_between(one, two, pose, *(vertices.tolist() for vertices in own))
@@ -231,18 +171,12 @@ def touching_pairs(
 
 
 def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float) -> list[Meeting]:
-    """Return the part pairs that touch at a scale pair to within `slack`, each with what touches.
+    """Return the part pairs that touch at a scale pair, (2,), to within `slack`, each with what touches.
 
     Where some touch to within a small share of it, those alone: what is merely near may be named as it never touches.
 
-    Parameters
-    ----------
-    movable, static : Body
-    pose : (12,) array
-        R, row by row, and d.
-    rho : (2,) array
-    slack : float
-        Length; parts this near touch, and directions this near to the widest are tight.
+    `pose`, (12,): R, row by row, and d. `slack`, a length: parts this near touch, and directions this near to the
+    widest are tight.
     """
     found, sure, tight = list[Meeting](), list[bool](), slack * DEFAULT.tight
     touching = list(touching_pairs(movable, static, pose, rho, slack))
@@ -256,7 +190,8 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         found.append(Meeting((i, j), contact))
         near = len(touching) > 1 and abs(separations[widest]) <= tight
         near = near and _across(one, two, contact, separations) <= tight
-        sure.append(near and _misses(one, two, pose, contact, rho) <= tight)
+        elements = placed_elements(one, two, pose, contact, rho)
+        sure.append(near and float(np.linalg.norm(np.subtract(*_nearest_points(*elements)))) <= tight)
     return [meeting for meeting, own in zip(found, sure, strict=True) if own or not any(sure)]
 
 
@@ -292,25 +227,16 @@ def true_faces_met(feature: Feature, movable: Body, static: Body) -> TrueFacesMe
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A contact of two bodies, wherever their parts carry it.
-
-    Attributes
-    ----------
-    feature : Feature
-    parts : tuple of int
-        A part pair that touches so.
-    sites, normals : (k, 3) arrays
-        A facet of that pair's Minkowski difference in each direction in which the pair may come apart, and the
-        direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners and edges.
-    carriers : tuple of (int, int)
-        All part pairs that have the elements: a contact may slide over a seam.
-    """
+    """A contact of two bodies, wherever their parts carry it."""
 
     feature: Feature
-    parts: tuple[int, int]
+    parts: tuple[int, int]  # a part pair that touches so
+    # sites, normals: (k, 3): a facet of that pair's Minkowski difference in each direction in which the pair may come
+    # apart, and the direction, from body 1 to body 2: one where elements lie in a plane or edges cross, more at corners
+    # and edges
     sites: Ints
     normals: Array
-    carriers: tuple[tuple[int, int], ...]
+    carriers: tuple[tuple[int, int], ...]  # all part pairs that have the elements: a contact may slide over a seam
 
     def carried_by(self, movable: Body, static: Body) -> Joint:
         """Return the contact with all part pairs of the bodies that have its elements."""
@@ -368,12 +294,19 @@ def _joint(movable: Body, static: Body, pose: Array, rho: Array, met: Meeting, s
     one, two = movable.parts[i], static.parts[j]
     sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
     tight = np.flatnonzero(np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack)
-    kept: list[int] = []
     own = np.array([_of_contact(one, two, contact, site) for site in sites[tight].tolist()], dtype=np.bool_)
-    for k in [*tight[own].tolist(), *tight[~own].tolist()]:  # as they turn other corners leave
-        if all(rows[k, :3] @ rows[m, :3] < 1.0 - DEFAULT.nominal for m in kept):
-            kept.append(k)
+    order = np.concatenate([tight[own], tight[~own]])  # as they turn other corners leave
+    kept = order[distinct(rows[order, :3])]
     return Joint(contact.feature, (i, j), sites[kept], rows[kept, :3], ((i, j),))
+
+
+def distinct(normals: Array, most: int | None = None) -> list[int]:
+    """Return the place of the first of each bundle of unit directions, (n, 3), so many at most."""
+    kept: list[int] = []
+    for k, normal in enumerate(normals):
+        if len(kept) != most and (normals[kept] @ normal < 1.0 - DEFAULT.nominal).all():
+            kept.append(k)
+    return kept
 
 
 def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequence[int]) -> bool:
@@ -400,12 +333,7 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
 def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
     """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
 
-    Parameters
-    ----------
-    one, two : (Body, ConvexPart)
-        A part of each body.
-    site : (3,) int array
-        See `kernels.facet_rows`.
+    `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`.
     """
     kind, *rows = site.tolist()
     return all(
@@ -413,13 +341,6 @@ def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Int
         for (body, part), letter, row in zip((one, two), SITE_KINDS[kind], rows, strict=True)
         if letter != "V"
     )
-
-
-def _misses(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> float:
-    """Return about how far the elements that are said to touch are from each other."""
-    X, Y = placed_elements(one, two, pose, contact, rho)
-    first, second = _nearest_points(X, Y)
-    return float(np.linalg.norm(first - second))
 
 
 def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
@@ -441,10 +362,10 @@ def site_corners(one: ConvexPart, two: ConvexPart, site: Ints | Sequence[int]) -
     return one.vertices_of(SITE_KINDS[kind][0], own), two.vertices_of(SITE_KINDS[kind][1], other)
 
 
-def feature_of_site(movable: Body, static: Body, parts: tuple[int, int], site: Sequence[int]) -> Feature:
+def feature_of_site(one: ConvexPart, two: ConvexPart, site: Sequence[int]) -> Feature:
     """Return the bodies' elements of a facet of two parts' Minkowski difference."""
-    both = zip((movable, static), parts, SITE_KINDS[site[0]], site[1:], strict=True)
-    return Feature(*(body.parts[k].elements[letter][row] for body, k, letter, row in both))
+    both = zip((one, two), SITE_KINDS[site[0]], site[1:], strict=True)
+    return Feature(*(part.elements[letter][row] for part, letter, row in both))
 
 
 def placed_elements(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> tuple[Array, Array]:
@@ -463,20 +384,8 @@ def _top(part: ConvexPart, n: Array, slack: float) -> list[int]:
 def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array) -> Array:
     """Return the corners of what two touching parts share, (k, 3): a point, a segment's ends, or a polygon in order.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    pose : (12,) array
-        R, row by row, and d.
-    contact : Contact
-        The elements that touch.
-    rho : (2,) array
-        A scale pair at which they do.
-
-    Returns
-    -------
-    (k, 3) array
-        Relative to the seed of body 2, world axes.
+    Relative to the seed of body 2, world axes; at a pose, (12,), R, row by row, and d, and a scale pair, (2,), at which
+    the elements of the contact touch.
     """
     X, Y = placed_elements(one, two, pose, contact, rho)
     if len(X) == 1 or len(Y) == 1:

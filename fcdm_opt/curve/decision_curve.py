@@ -299,14 +299,12 @@ class DecisionCurve(NotebookRepr, Plain):
 
         Of the curve in the box, and in a box from half to twice the scales unless nothing outside can be nearer.
         """
-        point, found = _pair(rho), np.full(2, np.inf)
+        point, found, (low, high) = _pair(rho), np.full(2, np.inf), np.array(self.box).T
         for curve in (self, self._about(point)):
             listed = [segment.nearest(point) for segment in curve.segments]
             listed += [other.rho for other in curve.switching_points if other.alone]
             found = min([found, *listed], key=lambda p: float(np.linalg.norm(p - point)))
-            if np.linalg.norm(found - point) <= min(
-                min(x - a, b - x) for x, (a, b) in zip(point, self.box, strict=True)
-            ):
+            if np.linalg.norm(found - point) <= np.minimum(point - low, high - point).min():
                 break
         return frozen(np.where(np.isfinite(found), found, np.nan))
 

@@ -15,10 +15,10 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import located
-from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, visible
+from fcdm_opt.curve.joining import LEAST_SCALE, LIMITS, Visible, on_line, visible
 from fcdm_opt.curve.pruning import region_between, relevant_pairs
 from fcdm_opt.curve.region import Piece, Region, same_pair
-from fcdm_opt.geometry.arrays import Array, Flags, Ints
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.tolerances import DEFAULT
@@ -40,47 +40,21 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Union:
-    """The overlap regions of two unions of parts, of all part pairs that can be on their curve in a box.
-
-    Attributes
-    ----------
-    movable, static : Body
-    regions : tuple of Region
-        In the order of the part pairs.
-    cells : (m, 4) array
-        Parts of the box, (low, high) of rho_1, then of rho_2. Outside them no curve passes.
-    members, shares : int arrays
-        Regions that matter in cell c: members[shares[c]:shares[c + 1]].
-    hiding : tuple of Region
-        Others, each of which holds parts of the box that no cell covers.
-    shared : tuple of bool
-        Of each region, whether other pairs that end with it along one line were left out for it.
-    walked : int
-        Part pairs that were looked at more closely than by bounds.
-    """
+    """The overlap regions of two unions of parts, of all part pairs that can be on their curve in a box."""
 
     movable: Body
     static: Body
-    regions: tuple[Region, ...]
-    hiding: tuple[Region, ...]
-    cells: Array
-    members: Ints
+    regions: tuple[Region, ...]  # in the order of the part pairs
+    hiding: tuple[Region, ...]  # others, each of which holds parts of the box that no cell covers
+    cells: Array  # (m, 4): parts of the box, (low, high) of rho_1, then of rho_2. Outside them no curve passes
+    members: Ints  # members, shares: regions that matter in cell c: members[shares[c]:shares[c + 1]]
     shares: Ints
-    shared: tuple[bool, ...]
-    walked: int
+    shared: tuple[bool, ...]  # of each region, whether other pairs that end with it along one line were left out for it
+    walked: int  # part pairs that were looked at more closely than by bounds
 
     @classmethod
     def of(cls, movable: Body, static: Body, transform: Array, box: Limits) -> Union:
-        """Return the union in a box.
-
-        Parameters
-        ----------
-        movable, static : Body
-        transform : (4, 4) array
-            Pose change of body 1.
-        box : pair of intervals
-            Of rho_1 and rho_2, finite.
-        """
+        """Return the union in a box of rho_1 and rho_2, finite; `transform`, (4, 4): pose change of body 1."""
         (a, b), (c, d) = ((low * (1.0 - DEFAULT.rim), high * (1.0 + DEFAULT.rim)) for low, high in box)
         walked, found, hiding, marked = relevant_pairs(movable, static, transform, (a, b, c, d))
         used = sorted({code for _, codes in found for code in codes})
@@ -99,11 +73,9 @@ class Union:
 
     @cached_property
     def _visible(self) -> Visible:
+        if any(region.status == "full" for region in self.regions):
+            return Visible([], [], np.empty((0, 2), np.int64))  # no curve
         return visible(self.regions, self.cells, self.members, self.shares)
-
-    @property
-    def _full(self) -> bool:
-        return any(region.status == "full" for region in self.regions)
 
     @cached_property
     def chains(self) -> list[list[Run]]:
@@ -111,8 +83,6 @@ class Union:
 
         Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
         """
-        if self._full:
-            return []
         chains = []
         for chain in self._visible.chains:
             pacing.check()
@@ -134,7 +104,7 @@ class Union:
         Each with pieces of two different directions that pass there, the first by their labels, cut to the point.
         """
         found: list[tuple[Array, list[Piece]]] = []
-        for piece_number, s in [] if self._full else self._visible.alone:
+        for piece_number, s in self._visible.alone:
             k, number = self._visible.owners[piece_number].tolist()
             region = self.regions[k]
             piece = region.piece(number).cut(s, s)
@@ -167,7 +137,8 @@ class Union:
             if _foremost(self.movable, self.static, pose, piece.normal, (i, j)) == own:
                 continue  # the same corners, in another part
             region = region_between(self.movable, self.static, self.regions[0].transform, (i, j))
-            for number in np.flatnonzero(_on_line(region.table, piece)).tolist():
+            along = on_line(region.table, piece.base, piece.travel) & (region.table[:, 2:4] @ piece.travel > 0.0)
+            for number in np.flatnonzero(along).tolist():
                 other = region.piece(number)
                 shift = float((piece.base - other.base) @ other.travel)
                 slack = DEFAULT.nominal * (float(np.abs(middle).sum()) + 1.0)
@@ -278,15 +249,6 @@ def _joined(chain: list[Piece]) -> list[Run]:
 def _parallel(one: Piece, two: Piece) -> bool:
     cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
     return bool(cross <= DEFAULT.nominal)
-
-
-def _on_line(table: Array, piece: Piece) -> Flags:
-    """Tell which rows of a table of pieces lie on the line of a piece, in its sense."""
-    base, travel = table[:, :2], table[:, 2:4]
-    turned = np.abs(piece.travel[0] * travel[:, 1] - piece.travel[1] * travel[:, 0])
-    apart = np.abs(base - piece.base).sum(axis=1)
-    near = apart <= DEFAULT.nominal * max(np.abs(piece.base).sum(), LEAST_SCALE)
-    return near & (turned <= DEFAULT.nominal) & (travel @ piece.travel > 0.0)
 
 
 def _one_line(one: Piece, two: Piece) -> bool:

@@ -135,10 +135,7 @@ class Feature:
     def starting_at(self, contact: Feature) -> Feature:
         """Return the feature with the vertex at which its contact starts written first in its edges, as in the paper.
 
-        Parameters
-        ----------
-        contact : Feature
-            The contact feature of the switching point before it.
+        That is of `contact`, the contact feature of the switching point before it.
         """
         return Feature(
             *(

@@ -16,6 +16,7 @@ from fcdm_opt.curve.contact import (
     contact_set,
     covers,
     dimension,
+    distinct,
     located,
     placed_elements,
     supporting_contact,
@@ -46,34 +47,16 @@ class Flush:
     """A face of one body that lies in one plane with a face or edge of the other, as drawn.
 
     Two parallel edges on one another lie so in two planes: they are two of these.
-
-    Attributes
-    ----------
-    feature : Feature
-        The bodies' elements in the plane.
-    touching : Feature
-        The elements that touch: the same, or the parallel edges in which two such planes meet.
-    parts : tuple of int
-        A part pair that touches so, 0-based.
-    contact : Contact
-        Its own elements in the plane.
-    normal : (3,) array
-        Unit direction from body 1 to body 2, world frame.
-    dimension : int
-        Of what the bodies share: 1 a segment, 2 a region of the plane.
-    least : float
-        Length that what they share must exceed to count as more than a point, or than a segment.
-    carriers : tuple of (part of body 1, part of body 2, Contact)
-        Wherever the bodies' parts have the elements that touch: a face may be spread over several.
     """
 
-    feature: Feature
-    touching: Feature
-    parts: tuple[int, int]
-    contact: Contact
-    normal: Array
-    dimension: int
-    least: float
+    feature: Feature  # the bodies' elements in the plane
+    touching: Feature  # the elements that touch: the same, or the parallel edges in which two such planes meet
+    parts: tuple[int, int]  # a part pair that touches so, 0-based
+    contact: Contact  # its own elements in the plane
+    normal: Array  # (3,): unit direction from body 1 to body 2, world frame
+    dimension: int  # of what the bodies share: 1 a segment, 2 a region of the plane
+    least: float  # length that what they share must exceed to count as more than a point, or than a segment
+    # wherever the bodies' parts have the elements that touch: a face may be spread over several
     carriers: tuple[Carrier, ...]
     _pair: tuple[ConvexPart, ConvexPart]
 
@@ -119,12 +102,7 @@ class Flush:
     def misfit(self, pose: Array, rho: Array) -> float:
         """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
 
-        Parameters
-        ----------
-        pose : (12,) array
-            R, row by row, and d, of body 1 from where it is drawn, see `kernels`.
-        rho : (2,) array
-            Scales.
+        At a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,).
         """
         one, two = self._pair
         n = self._normal_at(pose)
@@ -184,7 +162,7 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
         touching = located(one, two, pose, touching, rho)
         size = dimension(contact_set(one, two, pose, touching, rho), least)
         carriers: tuple[Carrier, ...] = ()
-        for normal in distinct(tight) if size else ():
+        for normal in tight[distinct(tight)] if size else ():
             contact = supporting_contact(one, two, normal, pose)
             contact = located(one, two, pose, contact, rho)
             feature = contact.feature
@@ -222,15 +200,6 @@ def _is_plane(movable: Body, static: Body, feature: Feature, touching: Feature) 
         return False
     sides = ((movable, feature.one), (static, feature.two))
     return all(element.kind != "F" or tuple(sorted(element.vertices)) in body.faces for body, element in sides)
-
-
-def distinct(normals: Array) -> list[Array]:
-    """Return one of each bundle of directions."""
-    kept: list[Array] = []
-    for normal in normals:
-        if all(normal @ known < 1.0 - DEFAULT.nominal for known in kept):
-            kept.append(normal)
-    return kept
 
 
 def _carriers(movable: Body, static: Body, touching: Contact) -> Iterator[Carrier]:

@@ -32,20 +32,13 @@ class Stretch(NamedTuple):
 
 
 class Visible(NamedTuple):
-    """What is on the boundary of a union.
-
-    Attributes
-    ----------
-    chains : list of list of Stretch
-    alone : list of (piece, s)
-        Pieces and where on them a point is that no open region holds, off all stretches; once for each that passes.
-    owners : (pieces, 2) int array
-        The region of each piece, and its number in there.
-    """
+    """What is on the boundary of a union."""
 
     chains: list[list[Stretch]]
+    # list of (piece, s): pieces and where on them a point is that no open region holds, off all stretches; once for
+    # each that passes
     alone: list[tuple[int, float]]
-    owners: Ints
+    owners: Ints  # (pieces, 2): the region of each piece, and its number in there
 
 
 def visible(regions: Sequence[Region], cells: Array, members: Ints, shares: Ints) -> Visible:
@@ -86,7 +79,7 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
     kept: list[Stretch | None] = []
     for own in stretches:
         pacing.check()
-        line, (x, y) = _collinear(pieces, own.piece), pieces[own.piece, 2:4].tolist()
+        line, (x, y) = on_line(pieces, *pieces[own.piece, :4].reshape(2, 2)), pieces[own.piece, 2:4].tolist()
         scale = max(float(np.abs(pieces[own.piece, :2]).sum()), LEAST_SCALE)
         rest = np.array([[own.lo, own.hi]])
         for place, known in enumerate(list(kept)):
@@ -95,7 +88,8 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
             u, v = pieces[known.piece, 2:4].tolist()
             opposed = not x * u + y * v > 0.0
             lo, hi = (-known.hi, -known.lo) if opposed else (known.lo, known.hi)
-            if not any(_changed(span, lo, hi, scale) for span in rest):
+            left = _less(rest, lo, hi, scale)
+            if np.array_equal(left, rest):
                 continue
             if opposed:
                 begin, end = max(known.lo, -own.hi), min(known.hi, -own.lo)
@@ -105,29 +99,22 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
                 kept[place] = None
             else:
                 kept[place] = known._replace(dropped=True)
-            rest = _less(rest, lo, hi, scale)
+            rest = left
         kept += [Stretch(own.piece, p, q) for p, q in rest.tolist()]
     return [known for known in kept if known is not None]
 
 
-def _collinear(pieces: Array, own: int) -> Flags:
-    """Tell which pieces lie on the line of one."""
-    base, travel = pieces[:, :2], pieces[:, 2:4]
-    turned = np.abs(travel[own, 0] * travel[:, 1] - travel[own, 1] * travel[:, 0])
-    near = DEFAULT.nominal * max(float(np.abs(base[own]).sum()), LEAST_SCALE)
-    return ~(turned > DEFAULT.nominal) & (np.abs(base[own] - base).sum(axis=1) <= near)
+def on_line(table: Array, base: Array, travel: Array) -> Flags:
+    """Tell which rows of a table of pieces, see `Region.table`, lie on a line."""
+    turned = np.abs(travel[0] * table[:, 3] - travel[1] * table[:, 2])
+    near = DEFAULT.nominal * max(float(np.abs(base).sum()), LEAST_SCALE)
+    return ~(turned > DEFAULT.nominal) & (np.abs(base - table[:, :2]).sum(axis=1) <= near)
 
 
 def _less(spans: Array, lo: float, hi: float, scale: float) -> Array:
     """Return what an open interval leaves of closed ones, but for slivers."""
     left = np.concatenate([spans, spans])
     return left[: kernels.take_out(left, np.empty_like(left), len(spans), lo, hi, DEFAULT.line, scale, False)]
-
-
-def _changed(span: Array, lo: float, hi: float, scale: float) -> bool:
-    """Tell whether an open interval takes something from a closed one."""
-    left = _less(span[None], lo, hi, scale)
-    return len(left) != 1 or bool((left[0] != span).any())
 
 
 def _chained(kept: list[Stretch], pieces: Array, parts: Sequence[tuple[int, int]]) -> list[list[Stretch]]:

@@ -42,27 +42,12 @@ def relevant_pairs(
     direction keeps the two parts apart at all its scale pairs, or where it overlaps only where another pair does (of
     two whose overlap ends along one line the first stays). A cell is left out where one pair overlaps in all of it, as
     no curve passes there, or where no pair is left. All by more than `Tolerances.prune` times the bodies' extents;
-    lines are one within `Tolerances.line` times these.
+    lines are one within `Tolerances.line` times these. The box, of rho_1, then of rho_2, is finite.
 
-    Parameters
-    ----------
-    movable, static : Body
-    transform : (4, 4) array
-        Pose change of body 1.
-    box : (low, high, low, high)
-        Of rho_1, then of rho_2, finite.
-
-    Returns
-    -------
-    walked : dict
-        The regions of the pairs that were walked, by the number i n_2 + j of a pair. Of the others no point is on the
-        curve inside the box.
-    cells : list of (cell, list of int)
-        Where the curve may pass, and the pairs that matter there: no others are on the curve, and none hide it.
-    hiding : set of int
-        Pairs that overlap in a whole cell.
-    shared : set of int
-        Pairs for which another was left out that ends with it along one line.
+    Returned are the regions of the pairs that were walked, by the number i n_2 + j of a pair (of the others no point is
+    on the curve inside the box); cells where the curve may pass, each with the pairs that matter there: no others are
+    on the curve, and none hide it; the pairs that overlap in a whole cell; and those for which another was left out
+    that ends with it along one line.
     """
     pairs = _Pairs(movable, static, transform, box)
     cells, hiding, shared = list[tuple[Cell, list[int]]](), set[int](), set[int]()

@@ -18,12 +18,12 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import (
-    SITE_KINDS,
     Contact,
     contact_at,
     contact_between,
+    feature_of_site,
     site_corners,
-    touching_contact,
+    supporting_contact,
 )
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
@@ -36,45 +36,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of a boundary line: scale pairs `base + s travel` for lo <= s <= hi (either may be infinite).
+    """A stretch of a boundary line: scale pairs `base + s travel` for lo <= s <= hi (either may be infinite)."""
 
-    Attributes
-    ----------
-    contact : Contact
-        What touches along it.
-    site : tuple of int
-        Facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`).
-    parts : tuple of int
-        The part pair (i, j), 0-based.
-    normal : (3,) array
-        Unit direction from body 1 to body 2, world frame.
-    line : (3,) array
-        (a, b, c): a rho_1 + b rho_2 = c, in lengths; overlap on the side of (a, b).
-    base, travel : (2,) arrays
-        A point of the line, and the unit direction along it with the overlap region on the left.
-    lo, hi : float
-        Range of s.
-    first, last : (2,) arrays or None
-        The scale pairs at lo and hi where they are known better than from s.
-    corner : Contact or None
-        What touches at its end, where the pair's boundary goes on.
-    snug : bool
-        Overlap on both sides.
-    """
-
-    contact: Contact
+    contact: Contact  # what touches along it
+    # facet of the Minkowski difference: kind, index in part 1, index in part 2 (see `kernels`)
     site: tuple[int, int, int]
-    parts: tuple[int, int]
-    normal: Array
-    line: Array
+    parts: tuple[int, int]  # the part pair (i, j), 0-based
+    normal: Array  # (3,): unit direction from body 1 to body 2, world frame
+    line: Array  # (3,): (a, b, c): a rho_1 + b rho_2 = c, in lengths; overlap on the side of (a, b)
+    # base, travel: (2,): a point of the line, and the unit direction along it with the overlap region on the left
     base: Array
     travel: Array
-    lo: float
+    lo: float  # lo, hi: range of s
     hi: float
+    # first, last: (2,) or None: the scale pairs at lo and hi where they are known better than from s
     first: Array | None = None
     last: Array | None = None
-    corner: Contact | None = None
-    snug: bool = False
+    corner: Contact | None = None  # what touches at its end, where the pair's boundary goes on
+    snug: bool = False  # overlap on both sides
 
     @property
     def feature(self) -> Feature:
@@ -120,23 +99,13 @@ class Region:
     """Where one pair of convex parts overlaps, in the open quadrant rho > 0.
 
     Build it with `pair_region`; pieces and the exact curve are worked out when asked for.
-
-    Attributes
-    ----------
-    one, two : ConvexPart
-    transform : (4, 4) array
-        Pose change of body 1.
-    parts : tuple of int
-        Indices of the parts in their bodies, kept in the pieces.
-    state : int
-        How the walk ended, see `kernels`.
     """
 
     one: ConvexPart
     two: ConvexPart
-    transform: Array
-    parts: tuple[int, int]
-    state: int
+    transform: Array  # (4, 4): pose change of body 1
+    parts: tuple[int, int]  # indices of the parts in their bodies, kept in the pieces
+    state: int  # how the walk ended, see `kernels`
     _walked: tuple[Ints, Array, Array, Ints] | None
 
     @property
@@ -247,10 +216,7 @@ class Region:
     def sides(self, pairs: Array) -> Ints:
         """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right.
 
-        Parameters
-        ----------
-        pairs : (n, 2) array
-            Scale pairs, all positive.
+        Scale pairs, (n, 2), are all positive.
         """
         if self.surely_empty:
             return np.ones(len(pairs), np.int64)
@@ -283,7 +249,7 @@ class Region:
         closed = not endless and (points[first + chain] == points[first + chain + count]).all()
         corner = self._corner(sites[before]) if closed or first <= before < first + count - 1 else None
         site, row = tuple(sites[k, :3].tolist()), rows[k]
-        contact = _site_contact(self.one, self.two, site)
+        contact = Contact(feature_of_site(self.one, self.two, site), *site_corners(self.one, self.two, site))
         return _piece(contact, site, row, self.parts, self.table[number], ends, corner)
 
     def _tied_piece(self, number: int, site: Ints, row: Array, ends: tuple[Array | None, ...]) -> Piece:
@@ -354,12 +320,15 @@ class Region:
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
         if not tight.any():
             return strict
-        found = touching_contact(self.one, self.two, rows[tight, :3], self.pose, DEFAULT.planarity)
-        first, second = (
+        normal, first = rows[tight, :3].sum(axis=0), rows[tight, :3][0]
+        # between all directions; opposite ones cancel where there is contact on both sides
+        normal = normal / length if (length := np.linalg.norm(normal)) > DEFAULT.nominal else first
+        found = supporting_contact(self.one, self.two, normal, self.pose, DEFAULT.planarity)
+        own = (
             exact if min(len(exact), len(own)) > 2 else own
             for own, exact in ((found.one, strict.one), (found.two, strict.two))
         )
-        return contact_between(self.one, self.two, self.pose, first, second)
+        return contact_between(self.one, self.two, self.pose, *own)
 
     def _site(self, piece: ExactPiece, contact: Contact) -> tuple[int, int, int]:
         """Return a facet of the Minkowski difference that an exact piece lies on, from what its direction supports."""
@@ -374,17 +343,7 @@ class Region:
 
 
 def pair_region(one: ConvexPart, two: ConvexPart, transform: Array, parts: tuple[int, int] = (0, 0)) -> Region:
-    """Return the overlap region of a pair of convex parts.
-
-    Parameters
-    ----------
-    one, two : ConvexPart
-        Of body 1 and body 2.
-    transform : (4, 4) array
-        Pose change of body 1, world frame.
-    parts : tuple of int
-        Indices of the parts in their bodies, kept in the pieces.
-    """
+    """Return the overlap region of parts of body 1 and 2, `parts` in these, body 1 moved by a 4x4 transform."""
     state, *walked = kernels.walk(*one.packed, *two.packed, transform, one.seed, two.seed, DEFAULT.planarity)
     known = state not in (kernels.UNDECIDED, kernels.GRAZING)
     return Region(one, two, transform, parts, state, tuple(walked) if known else None)
@@ -428,18 +387,9 @@ def _row_and_ends(piece: ExactPiece) -> tuple[Array, Array | None, Array | None]
 
 
 def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
-    """Return base, travel, lo and hi of a piece between two ends, see `Region.table`."""
-    gradient = row[3:5]
-    steep = np.hypot(*gradient)
-    base = row[5] / steep**2 * gradient
-    travel = np.array([gradient[1], -gradient[0]]) / steep
-    lo, hi = (far if x is None else (x - base) @ travel for x, far in ((start, -np.inf), (end, np.inf)))
-    return np.array([*base, *travel, lo, hi])
-
-
-def _site_contact(one: ConvexPart, two: ConvexPart, site: tuple[int, int, int]) -> Contact:
-    both = zip((one, two), SITE_KINDS[site[0]], site[1:], strict=True)
-    return Contact(Feature(*(part.elements[kind][k] for part, kind, k in both)), *site_corners(one, two, site))
+    """Return base, travel, lo and hi of a piece between two ends, see `Region.table`; None is infinity."""
+    points = np.array([np.zeros(2) if x is None else x for x in (start, end)])
+    return _table(row[None], points, np.array([[0, 1, 1, (end is None) + 2 * (start is None)]]))[0]
 
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:

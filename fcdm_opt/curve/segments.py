@@ -213,12 +213,7 @@ def shared(bodies: tuple[Body, Body], pose: Array, meeting: Meeting, rho: Array)
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A connected chain of the curve inside the box.
-
-    Attributes
-    ----------
-    segments : tuple of Segment
-    """
+    """A connected chain of the curve inside the box."""
 
     segments: tuple[Segment, ...]
 

@@ -21,21 +21,12 @@ POINTS = 64  # switching points of which what was found is kept: many problems s
 
 
 class TightLine(NamedTuple):
-    """A contact line through a point of the curve.
-
-    Attributes
-    ----------
-    feature : Feature
-    parts, site : tuples of int
-        Part pair, and facet of the Minkowski difference (see `kernels`).
-    normal, line : (3,) arrays
-        Unit direction from body 1 to body 2; (a, b, c).
-    """
+    """A contact line through a point of the curve."""
 
     feature: Feature
-    parts: tuple[int, int]
+    parts: tuple[int, int]  # parts, site: part pair, and facet of the Minkowski difference (see `kernels`)
     site: tuple[int, int, int]
-    normal: Array
+    normal: Array  # normal, line: (3,): unit direction from body 1 to body 2; (a, b, c)
     line: Array
 
 

@@ -40,63 +40,36 @@ SAMPLES = 64  # sizes at which rows are seen to bind before any linear program i
 
 
 class PairRows(NamedTuple):
-    """The rows that bind, of one pair of parts.
+    """The rows that bind, of one pair of parts."""
 
-    Attributes
-    ----------
-    parts : (int, int)
-        Indices of the parts.
-    values : (m, 1 + k) array
-        Each row's gap as drawn, and how that changes a unit of each size.
-    normals : (m, 3) array
-        From body 1 to body 2, unit.
-    elements : list of (("V" | "E" | "F", int), same of part 2)
-        The parts' elements that touch.
-    features : list of Feature
-        Of contacts as drawn, in place of elements.
-    """
-
-    parts: tuple[int, int]
-    values: Array
-    normals: Array
+    parts: tuple[int, int]  # indices of the parts
+    values: Array  # (m, 1 + k): each row's gap as drawn, and how that changes a unit of each size
+    normals: Array  # (m, 3): from body 1 to body 2, unit
+    # kind "V", "E" or "F" and number of the parts' elements that touch
     elements: list[tuple[tuple[str, int], tuple[str, int]]]
-    features: Sequence[Feature] = ()
+    features: Sequence[Feature] = ()  # of contacts as drawn, in place of elements
+
+    def some(self, rows: Ints) -> PairRows:
+        """Return some rows, of elements."""
+        return PairRows(self.parts, self.values[rows], self.normals[rows], [self.elements[k] for k in rows.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
 class TouchingSizes:
-    """At which sizes two bodies touch at a pose, within a box of sizes.
+    """At which sizes two bodies touch at a pose, within a box of sizes."""
 
-    Attributes
-    ----------
-    bodies : (Body, Body)
-        As drawn, movable and static.
-    sizes : tuple of Size
-    transform : (4, 4) array
-        Of the movable body.
-    pairs : tuple of PairRows
-        Of the part pairs that can be the nearest within the box.
-    reach : (float, str)
-        By what factor the box may be widened until one of the bodies changes its shape, and the face there.
-    ranges : (s, 2) array
-        Of shifts of the movable body, which count as sizes behind the others.
-    permanent : tuple of PairRows
-        Of part pairs that touch at all sizes of the box and were left out, see `of`.
-    permanent_faces : set of (int, int)
-        Of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count.
-    as_drawn : bool
-        Whether rows are those of contacts as drawn, whatever the box: they are not found anew.
-    """
-
-    bodies: tuple[Body, Body]
+    bodies: tuple[Body, Body]  # as drawn, movable and static
     sizes: tuple[Size, ...]
-    transform: Array
-    pairs: tuple[PairRows, ...]
+    transform: Array  # (4, 4): of the movable body
+    pairs: tuple[PairRows, ...]  # of the part pairs that can be the nearest within the box
+    # by what factor the box may be widened until one of the bodies changes its shape, and the face there
     reach: tuple[float, str]
+    # (s, 2): of shifts of the movable body, which count as sizes behind the others
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
-    permanent: tuple[PairRows, ...] = ()
+    permanent: tuple[PairRows, ...] = ()  # of part pairs that touch at all sizes of the box and were left out, see `of`
+    # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
-    as_drawn: bool = False
+    as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
 
     @classmethod
     def of(
@@ -113,34 +86,17 @@ class TouchingSizes:
         without: Collection[tuple[int, int]] = (),
         normals: Mapping[tuple[int, int], Array] = MappingProxyType({}),
     ) -> TouchingSizes:
-        """Return them.
+        """Return them, the movable body moved by a 4x4 transform, by default at rest; tolerances of sizes are the box.
 
-        Parameters
-        ----------
-        movable, static : Body
-        sizes : sequence of Size
-            Their tolerances are the box.
-        transform : (4, 4) array, optional
-            Of the movable body; default at rest.
-        shifts : (s, 3) and (s, 2) array, optional
-            Ways that the movable body is moved along, and how far at least and most: as sizes behind the others.
-        carried : (k, 3) array, optional
-            How each size moves the movable body besides.
-        least : bool
-            Whether rows that bind nowhere in the box are all found and left out, which may take a linear program each.
-        permanent : bool
-            Whether part pairs count that touch at all sizes of the box, as a flange on its plate. Without them the gap
-            is that of all others, unless there are no others.
-        without : collection of (int, int)
-            Part pairs that do not count.
-        normals : mapping
-            Directions, (n, 3), of part pairs of which rows along one of these alone count, if there are any.
+        `shifts`, (s, 3) and (s, 2), are ways that the movable body is moved along, and how far at least and most: as
+        sizes behind the others; `carried`, (k, 3), how each size moves it besides. With `least`, rows that bind nowhere
+        in the box are all found and left out, which may take a linear program each. With `permanent`, part pairs count
+        that touch at all sizes of the box, as a flange on its plate; without them the gap is that of all others, unless
+        there are no others. Part pairs `without` do not count, and of others rows along one of their directions
+        `normals`, (n, 3), alone do, if there are any.
 
-        Raises
-        ------
-        InputError
-            For sizes without tolerance, and where the box is so large that a body changes its shape in a way that its
-            parts do not follow; names the face.
+        Raises `InputError` for sizes without tolerance, and where the box is so large that a body changes its shape in
+        a way that its parts do not follow; names the face.
         """
         T = IDENTITY if transform is None else rigid_transform(transform)
         without = frozenset(without)
@@ -194,7 +150,7 @@ class TouchingSizes:
         counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
-        always = [not permanent and max(map(abs, _ends(own, box))) <= slack for own in pairs]
+        always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
         if all(always):
             always = [False] * len(pairs)
         held = [own for own, left in zip(pairs, always, strict=True) if left]
@@ -271,13 +227,11 @@ class TouchingSizes:
     def shifted(self, q: Array) -> TouchingSizes:
         """Return them with the movable body shifted by q, (s,), along its ways; other rows than the nearest go."""
         count, box, pairs = len(self.sizes), self.box[: len(self.sizes)], []
-        middle, half = _centred(box)
         for pair in self.pairs:
             values = pair.values[:, : 1 + count].copy()
             values[:, 0] += pair.values[:, 1 + count :] @ q
-            heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
-            kept = np.flatnonzero(heights + swings >= (heights - swings).max())
-            pairs.append(PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept]))
+            lows, highs = _ends(values, box)
+            pairs.append(pair._replace(values=values).some(np.flatnonzero(highs >= lows.max())))
         return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
     def feature(self, own: PairRows, row: int) -> Feature:
@@ -345,9 +299,7 @@ class TouchingSizes:
             return float(self.gap(where)), where
         box = self.box
         middle, half = _centred(box)
-        tops = [
-            pair.values[:, 0] + pair.values[:, 1:] @ middle + np.abs(pair.values[:, 1:]) @ half for pair in self.pairs
-        ]
+        tops = [_ends(pair.values, box)[1] for pair in self.pairs]
         bound = min(float(top.max()) for top in tops)
         lowest = min(range(len(tops)), key=lambda k: float(tops[k].max()))
         where = middle + half * np.sign(self.pairs[lowest].values[tops[lowest].argmax(), 1:])
@@ -360,7 +312,8 @@ class TouchingSizes:
             if height <= best + near:
                 break
             rows = np.array([self.pairs[k].values[row] for k, row in taken.items()]).reshape(-1, 1 + len(box))
-            value, p = _most_of(rows, box, bound)
+            value, p = least_of(-rows, box) if len(rows) else (-bound, box.mean(axis=1))
+            value = min(-value, bound)  # the largest that every row may have
             if value <= best:
                 continue
             here = [float((pair.values[:, 0] + pair.values[:, 1:] @ p).max()) for pair in self.pairs]
@@ -522,10 +475,7 @@ def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:
 def _pair(
     parts: tuple[int, int], one: _PosedPart, two: _PosedPart, box: Array, size: float, along: Array | None
 ) -> PairRows:
-    """Return the rows of a pair that some row elsewhere does not outdo all over the box; those along directions alone.
-
-    All where none is.
-    """
+    """Return the rows of a pair that no row elsewhere outdoes in the box, those along directions alone if any."""
     pacing.check()
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
@@ -534,10 +484,10 @@ def _pair(
     if along is not None and (near := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
         normals, values, first, second, kinds = (own[near] for own in (normals, values, first, second, kinds))
     middle, half = _centred(box)
-    heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
-    least = (heights - swings).max()
-    kept = np.flatnonzero(heights + swings >= least - DEFAULT.planarity * size)
-    kept = kept[np.lexsort((kinds[kept], -heights[kept]))]
+    lows, highs = _ends(values, box)
+    kept = np.flatnonzero(highs >= lows.max() - DEFAULT.planarity * size)
+    heights = values[kept, 0] + values[kept, 1:] @ middle
+    kept = kept[np.lexsort((kinds[kept], -heights))]
     kept = kept[_undone(values[kept], middle, half, DEFAULT.planarity * size)]
     elements = []
     for k in kept.tolist():
@@ -615,18 +565,18 @@ def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> Pai
     return pair._replace(values=values)
 
 
-def _ends(pair: PairRows, box: Array) -> tuple[float, float]:
-    """Return a bound of the least gap of a pair in the box, and its largest."""
+def _ends(values: Array, box: Array) -> tuple[Array, Array]:
+    """Return the least and the largest that each row has in the box: their largest bound a pair's gap."""
     middle, half = _centred(box)
-    heights, swings = pair.values[:, 0] + pair.values[:, 1:] @ middle, np.abs(pair.values[:, 1:]) @ half
-    return float((heights - swings).max()), float((heights + swings).max())
+    heights, swings = values[:, 0] + values[:, 1:] @ middle, np.abs(values[:, 1:]) @ half
+    return heights - swings, heights + swings
 
 
 def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     """Return the pairs that can be the nearest somewhere in the box."""
-    ends = [_ends(own, box) for own in pairs]
-    most = min(high for _, high in ends)
-    return [pair for pair, (low, _) in zip(pairs, ends, strict=True) if low <= most]
+    ends = [_ends(own.values, box) for own in pairs]
+    most = min(highs.max() for _, highs in ends)
+    return [pair for pair, (lows, _) in zip(pairs, ends, strict=True) if lows.max() <= most]
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:
@@ -646,16 +596,7 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     for k in np.flatnonzero(~seen).tolist():
         others = np.delete(np.arange(len(values)), k)
         seen[k] = least_of(values[others] - values[k], box, sign=True)[0] < 0.0
-    kept = np.flatnonzero(seen)
-    return PairRows(pair.parts, values[kept], pair.normals[kept], [pair.elements[k] for k in kept.tolist()])
-
-
-def _most_of(rows: Array, box: Array, bound: float) -> tuple[float, Array]:
-    """Return the largest t such that some p of the box has t <= every row, t <= bound, and that p."""
-    if not len(rows):
-        return bound, box.mean(axis=1)
-    value, place = least_of(-rows, box)
-    return min(-value, bound), place
+    return pair.some(np.flatnonzero(seen))
 
 
 def least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:

@@ -96,17 +96,11 @@ def made_at(
 ) -> dict[str, float]:
     """Return the deviations that are meant by name: all of them, or those at a named corner.
 
-    Parameters
-    ----------
-    movable, static : Body
-    sizes : sequence of Size
-    made : mapping, or "worst", "loosest", "low", "high", "middle"
-        Deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap or the
-        largest one at rest (of what is not closed at all sizes, if there is any), all sizes at their least, largest, or
-        in the middle. Sizes that the least gap does not depend on are those with the least gap of the next contact that
-        may be the nearest, and so on.
-    touching : TouchingSizes, optional
-        What is known of them at rest, with these sizes.
+    `made` are deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap,
+    "worst", or the largest one, "loosest", at rest (of what is not closed at all sizes, if there is any), all sizes at
+    their least, "low", largest, "high", or in the "middle". Sizes that the least gap does not depend on are those with
+    the least gap of the next contact that may be the nearest, and so on. `touching` is what is known of them at rest,
+    with these sizes.
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
@@ -216,21 +210,13 @@ def _flush(contact: TrueContact, faces: Sequence[TrueFaces]) -> bool:
 class TrueSizes:
     """Two bodies with round faces that follow sizes, exact at a list of points that grows.
 
-    Attributes
-    ----------
-    facets : (Body, Body)
-        As drawn, movable and static.
-    carried : (k, 3) array
-        How each size moves the movable body besides.
-    bodies : (Body, Body)
-        The same, exact at the points.
-    permanent : set of (int, int)
-        Patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate: not counted.
-    of_rest : bool
-        Whether only those that do so at rest are permanent, whatever pose is looked at; else those of any pose.
-    asked, deepest : list
-        The sizes last asked of `refined` with the gaps claimed, and of each the gap of the true faces and its
-        direction, where it is less.
+    `facets` are the bodies as drawn, movable and static, `bodies` the same, exact at the points; `carried`, (k, 3), is
+    how each size moves the movable body besides.
+
+    `permanent` are the patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate:
+    not counted. With `of_rest` only those that do so at rest are, whatever pose is looked at; else those of any pose.
+    `asked` are the sizes last asked of `refined` with the gaps claimed, `deepest` of each the gap of the true faces and
+    its direction, where it is less.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None) -> None:
@@ -441,17 +427,10 @@ def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[li
 
 
 class SizedFaces:
-    """How the true faces of a body follow its sizes.
+    """How the true faces of a body, `faces` as drawn, follow its sizes.
 
-    Attributes
-    ----------
-    faces : TrueFaces
-        As drawn.
-    moves : MovesOfFaces
-    columns, shifts : list of int
-        Which of all sizes they follow, and which of these shift round ones.
-    offsets : dict of int to bool
-        Sizes that offset round ones, and whether that is outwards as they grow.
+    `columns` are which of all sizes they follow, `shifts` which of these shift round ones; `offsets` are the sizes that
+    offset round ones, and whether that is outwards as they grow.
     """
 
     def __init__(self, body: Body, sizes: Sequence[Size], columns: list[int]) -> None:

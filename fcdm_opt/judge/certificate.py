@@ -624,10 +624,12 @@ class _Judge:
         apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
+        both = (self.problem.movable, "one"), (self.problem.static, "two")
+        foreign = sum(not body.owns(getattr(own, name)) for own in self.solution.features for body, name in both)
         checks = [
             _at_most("touching", abs(gap), self.limit, "distance or overlap"),
             Check("features", 1 <= claimed == distinct, distinct, claimed, "each contact feature once, at least one"),
-            _at_most("own elements", self._foreign(), 0, "claimed elements that only cuts between the parts have"),
+            _at_most("own elements", foreign, 0, "claimed elements that only cuts between the parts have"),
         ]
         if self.problem.goal in TRACKING:
             own = self.problem.tracked_features
@@ -644,14 +646,6 @@ class _Judge:
     def _together(self) -> bool:
         """Whether several contacts are restored together: in whole steps each to within their play, and open."""
         return bool(self.problem.contacts)
-
-    def _foreign(self) -> int:
-        """Return how many claimed elements are no corner, edge or face of their solid."""
-        bodies = self.problem.movable, self.problem.static
-        features = self.solution.features
-        return sum(
-            not body.owns(own) for name in features for body, own in zip(bodies, (name.one, name.two), strict=True)
-        )
 
     def sides(self) -> list[Check]:
         """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.

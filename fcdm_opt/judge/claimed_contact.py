@@ -92,17 +92,8 @@ carriers = PerPair(Carriers)  # of two bodies, the same at every call: for one t
 class Claim:
     """One claimed feature, on the part pair that carries it best.
 
-    Parameters
-    ----------
-    feature : Feature
-    carried : Carriers
-        Of the two bodies.
-    scaled : ScaledPair
-        The same two bodies; asked for a contact normal where the feature alone gives none (vertex on vertex).
-    rho : (2,) array
-        Scales at which the feature is claimed.
-    transform : (4, 4) array
-        Pose change of body 1 there.
+    At the scales `rho`, (2,), at which it is claimed, and the pose change of body 1 there, (4, 4). Of the two bodies,
+    `scaled` is asked for a contact normal where the feature alone gives none (vertex on vertex).
     """
 
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
@@ -151,7 +142,9 @@ class Claim:
 
     def rows(self, poses: Array) -> Array:
         """Return the contact's normal, from body 1 to body 2, and (a, b, c) at each pose, (k, 6); nan without one."""
-        return self._rows(self._carriers[0], poses) if self._carriers else np.full((len(poses), 6), np.nan)
+        if not self._carriers:
+            return np.full((len(poses), 6), np.nan)
+        return judging.contact_rows(*self._carriers[0][:-1], self._seeds, poses)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
         """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
@@ -183,9 +176,6 @@ class Claim:
             found[:, 0] = np.fmin(found[:, 0], own[:, 0])
             found[wider, 1:] = own[wider, 1:]
         return found
-
-    def _rows(self, host: _Host, poses: Array) -> Array:
-        return judging.contact_rows(*host[:-1], self._seeds, poses)
 
     def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
         pacing.check()

@@ -12,11 +12,9 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_PAIRS = 256
-"""Pairs of convex parts up to which planes between them are looked for."""
+MOST_PAIRS = 256  # pairs of convex parts up to which planes between them are looked for
 
-Sizes = list[tuple[Body, Body, float, float]]
-"""Of both bodies: as drawn, as made, and at which scale each."""
+Sizes = list[tuple[Body, Body, float, float]]  # of both bodies: as drawn, as made, and at which scale each
 
 
 class _HalfSpaces(NamedTuple):
@@ -52,15 +50,8 @@ def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> boo
     all along. Of parts that overlap at first it is enough that they do so less and less, until they are apart, along
     the facet's normal on which they are the least deep in each other: they go back where they came from.
 
-    Parameters
-    ----------
-    sizes : Sizes
-    shares : (s,) array
-        Of the way, at the ends of the steps.
-    poses : (s, 4, 4) array
-        Of body 1 there.
-    slack : float
-        Length by which a corner may be beyond a plane.
+    `shares`, (s,), are of the way, at the ends of the steps, `poses`, (s, 4, 4), of body 1 there; `slack` is a length
+    by which a corner may be beyond a plane.
     """
     (drawn, made, *_), (other, others, *_) = sizes
     if kept_as_surface(drawn, other) or len(made.parts) * len(others.parts) > MOST_PAIRS:

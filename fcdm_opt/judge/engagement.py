@@ -37,14 +37,10 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
-GROWTH = 2.0
-"""Parts that reach into each other by less than this times what the sizes change may be taken apart by that alone."""
-LEFT = 0.1
-"""Parts that reach into each other by less than this share of what they do as drawn are held no more."""
-TURN, MOST_STEPS = 0.2, 32
-"""A motion that turns is looked at in steps of at most so many radians, and in no more steps than this."""
-ALIKE = 0.1
-"""Displacements that differ by less than this share of one of them are looked along once."""
+GROWTH = 2.0  # times what the sizes change: parts that reach into each other by less may be taken apart by that alone
+LEFT = 0.1  # parts that reach into each other by less than this share of what they do as drawn are held no more
+TURN, MOST_STEPS = 0.2, 32  # in steps of at most so many radians a motion that turns is looked at, and in no more
+ALIKE = 0.1  # displacements that differ by less than this share of one of them are looked along once
 
 
 def inside_fit(solution: Solution) -> Solution:
@@ -99,10 +95,7 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
 
 @lru_cache(maxsize=16)
 def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
-    """Tell whether body 1 goes through the other one, or a keep-out, on the straight ray of the parameters.
-
-    In steps where it turns.
-    """
+    """Tell whether body 1 goes through body 2, or a keep-out, on the straight ray of parameters, turning in steps."""
     problem = problem.of_facets  # the pieces that are exact at points are no solids
     q = np.array(parameters)
     size, turned = problem.size, float(np.abs(q[problem.motion.turning]).sum())

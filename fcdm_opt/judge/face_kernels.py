@@ -159,23 +159,10 @@ def is_over(foot, direction, triangles, room):
 def on_face(surface, side, feet, triangles, over, others, start, end, room, slack):
     """Tell which points of a surface (n, 3) are on a face: on its triangles, but where an edge leaves its chord.
 
-    Parameters
-    ----------
-    surface : (1, 10) array
-    side : float
-    feet : (n, 3) array
-    triangles : (t, 3, 3) array
-        Of the face.
-    over : bool
-        Whether they are known to be over these.
-    others : (e, 10) array
-        The surfaces that the face has its bent edges with.
-    start, end : (e, 3) array
-        Chords of these edges.
-    room : (e,) array
-        How far they leave them at most.
-    slack : float
-        Nearer to an edge a point is on it.
+    Of the face: its surface, (1, 10), its side, its triangles, (t, 3, 3), the surfaces `others`, (e, 10), that it has
+    its bent edges with, the chords of these from `start` to `end`, (e, 3), and how far they leave them at most, `room`,
+    (e,). `over` tells whether the points are known to be over the triangles; nearer than `slack` to an edge a point is
+    on it.
     """
     found, wide = np.empty(len(feet), np.bool_), np.empty(len(triangles))
     for t in range(len(triangles)):  # a surface leaves its triangle by less than this; of slivers their neighbours tell

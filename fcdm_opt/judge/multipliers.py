@@ -15,8 +15,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.solids import kept_as_surface
-from fcdm_opt.judge.lagrangian import ROUNDED, lagrangian_bounds
-from fcdm_opt.judge.one_contact import FAR, OneContact
+from fcdm_opt.judge.one_contact import FAR, ROUNDED, OneContact, lagrangian_bounds
 from fcdm_opt.judge.only_motion import equations
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT

@@ -165,10 +165,7 @@ def _shortest(rows: Array) -> tuple[float, Array]:
 
 
 def gaps_of_parts(problem: Problem) -> Iterator[tuple[bool, Array, Array]]:
-    """Yield of two convex parts that must not overlap whether one is kept out, normals, (n, 3), and gaps at rest.
-
-    Of parts that have not too many edges.
-    """
+    """Yield of parts that must not overlap, of few edges, whether one is kept out, normals, (n, 3), gaps at rest."""
     seed, (own, other) = problem.movable.seed, problem.target
     apart = {"touch", "clear"} & {problem.goal, problem.pair}
     obstacles = [(False, part, problem.static.seed, other) for part in problem.static.parts if apart]

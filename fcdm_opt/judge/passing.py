@@ -15,16 +15,12 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_LINES = 2048
-"""Lines that are looked at: where facets have most in common as seen along the way, and a choice of the others."""
-BATCH_SIZE = 1 << 16
-"""Pairs of boxes up to which all are compared."""
+MOST_LINES = 2048  # that are looked at: where facets seen along the way have most in common, and a choice of others
+BATCH_SIZE = 1 << 16  # pairs of boxes up to which all are compared
 AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in 0.1 + np.arange(6) * np.pi / 3.0])
 """Lines about one, at a distance of 1."""
-NEXT, LAST = [1, 2, 0], [2, 0, 1]
-"""The corners of a triangle after each, and before it."""
-UNEVEN = np.sqrt(np.arange(2.0, 17.0))
-"""Weights of the points that a line is put in the middle of: not on a line of symmetry, where edges are."""
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # the corners of a triangle after each, and before it
+UNEVEN = np.sqrt(np.arange(2.0, 17.0))  # weights of points that a line is put between: on no line of symmetry
 
 
 def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack: float) -> bool:
@@ -33,14 +29,8 @@ def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack
     Lines lie half-way between before and after. Where what meets on one is displaced across the way, as sizes change,
     all lines round about as far away as that are to tell the same.
 
-    Parameters
-    ----------
-    one, two : pairs of (t, 3, 3) arrays
-        Corners of each solid's facets, counter-clockwise seen from outside, before and after.
-    way : (3,) array
-        How the first is displaced against the second where they meet.
-    slack : float
-        Length up to which facets count as touching.
+    `one` and `two` are the corners, (t, 3, 3), of each solid's facets, counter-clockwise seen from outside, before and
+    after; `way`, (3,), how the first is displaced against the second where they meet. Facets within `slack` touch.
     """
     length, frame = float(np.linalg.norm(way)), _frame(way)
     first, second = (_Seen.along(*own, frame) for own in (one, two))
@@ -58,12 +48,7 @@ def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack
 def past_after(one: Array, two: Array, ahead: Array, slack: float) -> float:
     """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite.
 
-    Parameters
-    ----------
-    one, two : (t, 3, 3) arrays
-        As of `passes`, at rest.
-    ahead : (3,) array
-    slack : float
+    Solids as of `passes`, at rest, (t, 3, 3); `slack` as there.
     """
     length = float(np.ptp(np.concatenate([one, two]).reshape(-1, 3), axis=0).sum())  # beyond all of it
     first, second = (_Seen.along(*own, _frame(ahead)) for own in ((one, one + length * ahead), (two, two)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import hypot, isfinite, nan
+from operator import attrgetter
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge.certificate import (
     PROOF,
     RESTORED,
+    _at_most,
     keep_out_check,
     left_by_mesh,
     proof_checks,
@@ -196,15 +198,15 @@ def _motions(
     told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
     told = told if solution.amounts.keys() == amounts.keys() else float("nan")
     slack = tolerances.requirement * total + tolerances.line * assembly.size
-    named: list[tuple[str, float, float, str]] = [
-        ("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
-        ("amounts", told, slack, "of the parts"),
-        ("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
-        ("lower bound", max(solution.lower_bound - total, -solution.lower_bound), slack, "from 0 to the amount"),
-        ("limits", excess, tolerances.requirement * assembly.size, ""),
+    beyond = max(solution.lower_bound - total, -solution.lower_bound)
+    return [
+        _at_most("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
+        _at_most("amounts", told, slack, "of the parts"),
+        _at_most("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
+        _at_most("lower bound", beyond, slack, "from 0 to the amount"),
+        _at_most("limits", excess, tolerances.requirement * assembly.size),
+        *left_by_mesh(solution, [*assembly.bodies_made.values()], slack),
     ]
-    checks = [Check(name, value <= most, value, most, note) for name, value, most, note in named]
-    return [*checks, *left_by_mesh(solution, [*assembly.bodies_made.values()], slack)]
 
 
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:
@@ -217,13 +219,8 @@ def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float,
         if own.transform is not None and problem.goal != asked.goal:  # which it answers too, where it restores faces
             touching = touching_again(asked)
             asked = touching if touching is not None and restores(asked, own.transform) else asked
-        same = all(
-            np.array_equal(getattr(asked, key), getattr(problem, key))
-            for key in ("goal", "contacts", "target", "clearance")
-        ) and all(
-            np.array_equal(getattr(asked, role).vertices, getattr(problem, role).vertices)
-            for role in ("movable", "static")
-        )
+        keys = "goal", "contacts", "target", "clearance", "movable.vertices", "static.vertices"
+        same = all(map(np.array_equal, *(attrgetter(*keys)(own) for own in (asked, problem))))
         checks.append(Check(f"asked: {pair}", same, float(same), 1.0, "the question is the assembly's"))
         if own.transform is None:
             checks.append(Check(f"contact: {pair}", False, float("nan"), 0.0, own.status.name))

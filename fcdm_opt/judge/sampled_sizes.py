@@ -25,7 +25,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.judge.certificate import solids_gap
+from fcdm_opt.judge.certificate import _at_most, solids_gap
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -39,76 +39,40 @@ SURE = 1e-9  # chance that a share which is right is refused for the draws it wa
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShareClaim:
-    """A share that is told, and draws of what it is a share of, independent of it.
-
-    Attributes
-    ----------
-    share, interval : float, (float, float)
-    passed : (n,) flags
-        Of draws of the same distribution: which of them are counted, by what is told of each.
-    """
+    """A share that is told, and draws of what it is a share of, independent of it."""
 
     share: float
     interval: tuple[float, float]
-    passed: Flags
+    passed: Flags  # of draws of the same distribution: which of them are counted, by what is told of each
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GapClaims:
-    """What is told of the gap of two bodies at a pose, over a box of sizes or a list of them.
+    """What is told of the gap of two bodies at a pose, over a box of sizes or a list of them."""
 
-    Attributes
-    ----------
-    bodies : (Body, Body)
-        As drawn.
-    sizes : tuple of Size
-        What numbers of a place are, also of other bodies; without any they are the scales of both bodies.
-    transform : (4, 4) array
-        Of the movable body.
-    shift : (k, 3) array, optional
-        How it is shifted besides, a unit of each size.
-    least, largest : (float, (k,) array), optional
-        The ends of the range of the gap, and where they are; without them only keep-outs are looked at.
-    box : (k, 2) array
-    listed : (n, k) array, optional
-        All sizes that are spoken of, where it is not the whole box.
-    told : function of places (n, k), optional
-        The gaps, (n,), that are told there. Without one only the range is told.
-    permanent : sequence of (int, int)
-        Part pairs that are not counted.
-    permanent_faces : set of (int, int), optional
-        With them the gap is that of the true faces, without these patches of both, by number in `true_faces`.
-    keep_out : sequence of (Body, float)
-        Bodies that the movable one keeps clear of at all sizes, and by how much at least; the static one among them
-        as made.
-    contact : (Feature, (int, int), (3,) array), optional
-        The contact that the gap is of, its part pair, and its direction from body 1 to body 2; else of all counted.
-    name : str
-        Before those of the checks.
-    beside : sequence of GapClaims
-        Of further contacts.
-    share : ShareClaim, optional
-    others : sequence of Check
-        Of what else is told.
-    """
-
-    bodies: tuple[Body, Body]
+    bodies: tuple[Body, Body]  # as drawn
+    # what numbers of a place are, also of other bodies; without any they are the scales of both bodies
     sizes: tuple[Size, ...]
-    transform: Array
-    shift: Array | None = None
+    transform: Array  # (4, 4): of the movable body
+    shift: Array | None = None  # (k, 3), optional: how it is shifted besides, a unit of each size
+    # least, largest: the ends of the range of the gap, and where they are, (k,); without them only keep-outs count
     least: tuple[float, Array] | None = None
     largest: tuple[float, Array] | None = None
-    box: Array
-    listed: Array | None = None
+    box: Array  # (k, 2)
+    listed: Array | None = None  # (n, k), optional: all sizes that are spoken of, where it is not the whole box
+    # the gaps, (n,), that are told there. Without one only the range is told
     told: Callable[[Array], Array] | None = None
-    permanent: Sequence[tuple[int, int]] = ()
+    permanent: Sequence[tuple[int, int]] = ()  # part pairs that are not counted
+    # with them the gap is that of the true faces, without these patches of both, by number in `true_faces`
     permanent_faces: frozenset[tuple[int, int]] | None = None
+    # bodies that the movable one keeps clear of at all sizes, by how much at least; the static one among them as made
     keep_out: Sequence[tuple[Body, float]] = ()
     share: ShareClaim | None = None
-    others: Sequence[Check] = ()
+    others: Sequence[Check] = ()  # of what else is told
+    # optional: the contact that the gap is of, its part pair, and its direction from body 1 to body 2; else all counted
     contact: tuple[Feature, tuple[int, int], Array] | None = None
-    name: str = ""
-    beside: Sequence[GapClaims] = ()
+    name: str = ""  # before those of the checks
+    beside: Sequence[GapClaims] = ()  # of further contacts
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of it."""
@@ -240,31 +204,16 @@ class GapClaims:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionClaims:
-    """What is told of the motions at sizes, and of the share of them within a budget.
-
-    Attributes
-    ----------
-    scene : Problem or Assembly
-    over : sequence of str
-        What numbers of a place are: names of sizes, or of scales; all others are as made.
-    places : (n, k) array
-    parameters, amounts : (n, p) and (n,) arrays
-        The motions told there; nan where there is none.
-    errors : (n, 2) array
-        Of the amount, and of the displacement of a vertex of a part that moves.
-    share : ShareClaim, optional
-    on_true_faces : bool
-        Whether motions are those of the faces that facets stand for.
-    """
+    """What is told of the motions at sizes, and of the share of them within a budget."""
 
     scene: Scene
-    over: Sequence[str]
-    places: Array
-    parameters: Array
+    over: Sequence[str]  # what numbers of a place are: names of sizes, or of scales; all others are as made
+    places: Array  # (n, k)
+    parameters: Array  # parameters, amounts: (n, p) and (n,): the motions told there; nan where there is none
     amounts: Array
-    errors: Array
+    errors: Array  # (n, 2): of the amount, and of the displacement of a vertex of a part that moves
     share: ShareClaim | None = field(default=None, repr=False)
-    on_true_faces: bool = False
+    on_true_faces: bool = False  # whether motions are those of the faces that facets stand for
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of the parts made and moved so, every two that are to meet."""
@@ -341,7 +290,3 @@ def _share(claim: ShareClaim) -> Check:
     beyond = max(low - ends[1], ends[0] - high, claim.share - ends[1], ends[0] - claim.share) if count else 0.0
     note = f"told {ends[0]:.4%} to {ends[1]:.4%}; of {count} others {passed} pass"
     return _at_most("share", beyond, 0.0, note)
-
-
-def _at_most(name: str, value: float, limit: float, note: str) -> Check:
-    return Check(name, bool(value <= limit), float(value), float(limit), note)

@@ -41,17 +41,10 @@ def gap_of_true_faces(
 ) -> float:
     """Return the gap of bodies on their true faces, minus their depth; infinite where it is more than the band.
 
-    Parameters
-    ----------
-    faces : (TrueFaces, TrueFaces)
-    scales : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-    band : float
-        Points further off a surface are not looked at: deeper ones are on the other side of a solid.
-    without : collection of (int, int)
-        Surfaces of body 1 and of body 2, by number in `true_faces`, that are not looked at together. Nor are others
-        where they touch at an edge of the contact of two such: the sides of a lid, on its box.
+    At scales, (2,), body 1 moved by a 4x4 transform. Points further off a surface than `band` are not looked at: deeper
+    ones are on the other side of a solid. Surfaces `without`, of body 1 and of body 2, by number in `true_faces`, are
+    not looked at together. Nor are others where they touch at an edge of the contact of two such: the sides of a lid,
+    on its box.
     """
     pose = np.asarray(transform, np.float64).tobytes()
     return _gap(tuple(faces), tuple(map(float, scales)), pose, band, frozenset(without))
@@ -68,15 +61,9 @@ def _gap(faces: tuple[TrueFaces, ...], scales: tuple[float, ...], pose: bytes, b
 
 
 class _Surfaces(NamedTuple):
-    """Surfaces of revolution, see `Swept`: of all faces of a body, or one for each point.
+    """Surfaces of revolution, see `Swept`: of all faces of a body, or one for each point."""
 
-    Attributes
-    ----------
-    numbers : (..., 10) array
-        See `face_kernels`.
-    """
-
-    numbers: Array
+    numbers: Array  # (..., 10): see `face_kernels`
 
     @classmethod
     def of(cls, swept: Sequence[Swept]) -> _Surfaces:

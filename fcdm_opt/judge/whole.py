@@ -34,15 +34,7 @@ class Outside(NamedTuple):
 
 
 class WholeSurfaces:
-    """The surfaces of two bodies, all that they have, at a scale pair and pose.
-
-    Parameters
-    ----------
-    movable, static : Body
-    rho : (2,) array
-    transform : (4, 4) array
-        Pose change of body 1.
-    """
+    """The surfaces of two bodies, all that they have, at a scale pair, (2,), body 1 moved by a 4x4 transform."""
 
     def __init__(self, movable: Body, static: Body, rho: Array, transform: Array) -> None:
         self._bodies = movable, static
@@ -75,7 +67,7 @@ class WholeSurfaces:
         for body, own in zip(self._bodies, near, strict=True):
             rows = np.flatnonzero(own).tolist()
             kept.append(body if len(rows) == len(body.parts) else body.subset(rows))
-        return kept[0], kept[1], Outside(apart, self._inside())
+        return kept[0], kept[1], Outside(apart, self._inside(0, 1) + self._inside(1, 0))
 
     def _distance(self, one: Any, two: Any) -> float:
         """Return the least distance of the surfaces of some parts; infinite without any."""
@@ -86,11 +78,8 @@ class WholeSurfaces:
             chosen.append(own.triangles[flags[own.owners]])
         return surface_distance(self._points[0], chosen[0], self._points[1], chosen[1])
 
-    def _inside(self) -> int:
-        """Return how many closed surfaces of either body lie inside the other."""
-        return sum(self._wound(one, two) for one, two in ((0, 1), (1, 0)))
-
-    def _wound(self, one: int, two: int) -> int:
+    def _inside(self, one: int, two: int) -> int:
+        """Return how many closed surfaces of one body lie inside the other."""
         inner, outer = (solid_surface(self._bodies[k]) for k in (one, two))
         if not outer.closed:
             return 0  # such parts fill the solid, and overlaps show

@@ -309,7 +309,8 @@ def _contacts(
             for parts, (site, normal) in nearest.items()
             if parts[1] < count
         )
-        names = [feature_of_site(*bodies, feature.parts, feature.site) for feature in features]
+        pairs = [(task.movable.parts[own.parts[0]], task.static.parts[own.parts[1]]) for own in features]
+        names = [feature_of_site(*pair, own.site) for pair, own in zip(pairs, features, strict=True)]
     return tuple(
         ContactRow(
             name.in_words(*bodies),

@@ -386,7 +386,7 @@ class Examiner:
             tests |= {Reason.COSTLY: self.costly, Reason.BEYOND: self.beyond}
         for code in np.unique(self.evidence.reasons).tolist():
             rows = np.flatnonzero(self.evidence.reasons == code)
-            test = next((test for reason, test in tests.items() if reason == code), None)
+            test = tests.get(code)
             name = f"proof: {Reason(code).name}" if code in list(Reason) else f"proof: reason {code}"
             if test is None:
                 note = f"cell {rows[0]} and others: no reason that can be checked"
@@ -661,7 +661,7 @@ def _extremes(
 
     These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
     """
-    R = poses.middle_rotations
+    R = np.concatenate([x.middle for x in poses.centre[:9]], axis=1).reshape(-1, 3, 3)
     if kind == V1F2:
         n = u.middle
     else:

@@ -151,19 +151,11 @@ def prove(
 ) -> Proof:
     """Bound the amount of every motion that does what a task asks.
 
-    Parameters
-    ----------
-    upper : float
-        Amount of a motion that is known to do; infinite if none is.
-    aims : sequence of (gap, most)
-        Relative gaps between the bound and `upper` that are enough, the finest first, each while no more than so many
-        cells have been tested.
-    until : float
-        `perf_counter` at which to stop besides.
-    search : callable, optional
-        Takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
-    checked : bool
-        Whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
+    `upper` is the amount of a motion that is known to do; infinite if none is. `aims` are relative gaps between the
+    bound and `upper` that are enough, the finest first, each while no more than so many cells have been tested. `until`
+    is the `perf_counter` at which to stop besides. `search` takes a motion q near which nothing can be excluded, and
+    returns one there that does, if it finds one. `checked`: whether the evidence is to be what its checker knows; else
+    clearances are proved by swollen parts.
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()

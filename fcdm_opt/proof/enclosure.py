@@ -11,6 +11,7 @@ keep the linear part and bound the rest by second derivatives, so errors fall wi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -162,23 +163,19 @@ class Enclosure:
 
         Its series 1 - f/6 + f f/120 - ... has a second derivative below 1/50 down to f = -1.
         """
-        x = np.maximum(self.data[:, 0], 0.0)
-        value, slope = _sinc(x)
-        return self._series(value, slope, 1.0 / 50.0)
+        return self._series(_sinc, 1.0 / 50.0)
 
     def versine(self) -> Enclosure:
         """Return (1 - cos(r)) / (r r) of f = r r; |second derivative| <= 1/360 for f >= 0, below 1/300 from f = -1."""
-        x = np.maximum(self.data[:, 0], 0.0)
-        value, slope = _versine(x)
-        return self._series(value, slope, 1.0 / 300.0)
+        return self._series(_versine, 1.0 / 300.0)
 
-    def _series(self, value: Array, slope: Array, bend: float) -> Enclosure:
-        """Return a function of a square, given at max(centre, 0)."""
+    def _series(self, function: Callable[[Array], tuple[Array, Array]], bend: float) -> Enclosure:
+        """Return a function of a square, which gives value and slope, at max(centre, 0)."""
         centre = np.maximum(self.data[:, 0], 0.0)
         moved = self + 0.0 if (centre == self.data[:, 0]).all() else Enclosure(self.data.copy())
         moved.data[:, -1] += centre - moved.data[:, 0]  # a square is not negative: its rounding may be
         moved.data[:, 0] = centre
-        return moved._function(value, slope, np.where(moved.low >= -1.0, bend, np.inf))
+        return moved._function(*function(centre), np.where(moved.low >= -1.0, bend, np.inf))
 
 
 def enclosed_pose(motion: Motion, q: list[Any], offset: Array) -> Array:

@@ -330,10 +330,7 @@ ARITHMETIC: dict[str, Callable[..., Interval]] = {
 
 
 class IntervalFunction:
-    """A CasADi function of symbols (SX), worked out in intervals, instruction by instruction.
-
-    An operation that is not known here gives all numbers.
-    """
+    """A CasADi function (SX) worked out in intervals; an operation that is not known here gives all numbers."""
 
     def __init__(self, function: Any) -> None:
         self._instructions = Instructions.of(function)

@@ -195,11 +195,6 @@ class Poses:
         centre, over = ([x[rows] for x in numbers] for numbers in (self.centre, self.over))
         return Poses(self.pieces[rows], centre, over, self.change[rows], self.jumps[rows])
 
-    @property
-    def middle_rotations(self) -> Array:
-        """R at the centres in plain floats, (n, 3, 3)."""
-        return np.concatenate([x.middle for x in self.centre[:9]], axis=1).reshape(-1, 3, 3)
-
     def bounds(
         self, expression: Expression, given: Sequence[Interval], place: Place | None = None
     ) -> tuple[list[Array], list[Array]]:

@@ -198,11 +198,7 @@ def _size(problems: Problems) -> float:
     return max(problem.size for problem in problems)
 
 
-@lru_cache(maxsize=16)
-def _motion(problem: Problem) -> PosesOfPieces:
-    return PosesOfPieces(problem)
-
-
+_motion = lru_cache(maxsize=16)(PosesOfPieces)
 _poses = lru_cache(maxsize=16)(PosesOfPieces.poses)  # of which both values and derivatives of all equations are
 
 

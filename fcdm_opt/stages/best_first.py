@@ -82,11 +82,6 @@ class Choices(NamedTuple):
         """The group that each alternative is of."""
         return np.repeat(np.arange(len(self.groups)), np.diff(self.groups, append=len(self.alternatives)))
 
-    def first_least(self, values: Array) -> Flags:
-        """Tell of each alternative whether its value is the least of its group, of equal ones the first."""
-        order = np.lexsort((values, self.group_of_alternatives))
-        return np.isin(np.arange(len(values)), order[self.groups])
-
     def only(self, alternatives: Flags, rows: Flags | None = None) -> Choices:
         """Return these alternatives, of them these rows; of what none of is left, nothing."""
         sizes = np.diff(self.alternatives, append=len(self.rows.levels))

@@ -111,14 +111,9 @@ def proved(
 ) -> tuple[Answer, Evidence | None]:
     """Return what stages found with a lower bound that is proved, and what proves it; a better motion if one comes up.
 
-    Parameters
-    ----------
-    gap : float
-        Relative gap between amount and bound that is enough.
-    seconds : float, optional
-        Wall time after which to stop in place of a number of cells, which does not depend on the machine.
-    share : float
-        Of the cells that are looked at for three parameters and more, which seldom end by themselves.
+    The relative `gap` between amount and bound is enough. `seconds` is the wall time after which to stop in place of a
+    number of cells, which does not depend on the machine; `share` is of the cells that are looked at for three
+    parameters and more, which seldom end by themselves.
     """
     if not np.isfinite(answer.lower_bound) and (share < 1.0 or answer.stage != STAGE):
         return answer, None  # without a motion; cells show it where they have shown it
@@ -272,17 +267,9 @@ def bounded(
 ) -> tuple[Answer, Evidence | None]:
     """Return an answer, of a motion or none yet, with a bound by `prove`: better or settled where that is so.
 
-    Parameters
-    ----------
-    aims : sequence of (gap, effort)
-        Relative gaps between bound and amount that are enough, the finest first, and up to which effort, in cells
-        times vertices of a cell's tests; after the last the bound is what it is.
-    share : float
-        Of the efforts, and of `CELLS`.
-    until : float
-        `perf_counter` at which to stop in place of the last effort.
-    checked : bool
-        As of `prove`.
+    `aims` are relative gaps between bound and amount that are enough, the finest first, and up to which effort, in
+    cells times vertices of a cell's tests; after the last the bound is what it is. `share` is of the efforts, and of
+    `CELLS`; `until` the `perf_counter` at which to stop in place of the last effort; `checked` as of `prove`.
     """
     if task.part_pairs > MOST_PAIRS:
         return answer, None

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import combinations
 from operator import rshift
+from typing import Any
 
 import numpy as np
 
@@ -77,9 +78,8 @@ def contact_system(task: Task) -> Answer | None:
     if z is not None:
         return _answered(own, z, bound)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    if np.isinf(bound):
-        return Answer(Status.INFEASIBLE, None, stage, np.inf, told, last=True)
-    return Answer(Status.NOT_FOUND, None, stage, displacement_bound(task), told, last=True)
+    status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, displacement_bound(task))
+    return Answer(status, None, stage, bound, told, last=True)
 
 
 def violated(question: Scene) -> tuple[str, ...]:
@@ -190,9 +190,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
         return answer  # only where all can be closed does the least gap ask for the same
     if answer.q is not None:
         answer = replace(answer, unique=_unique_within((problem,), answer.q))
-    if problem.motion.shifts:
-        return answer
-    if answer.q is not None and not answer.q.any():
+    if problem.motion.shifts or (answer.q is not None and not answer.q.any()):
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
     if bound < answer.amount:
@@ -422,23 +420,17 @@ class System:
                 over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
         return over
 
-    def without_clearances(self) -> System:
-        """Return the same where parts and keep-outs may overlap."""
-        return replace(self, task=replace(self.task, pair="any", keep_out=()))
+    def without(self, kind: str) -> System:
+        """Return the same without "clearances", "limits", or "shares": what elements in contact must have in common."""
+        limits = np.where(self.moving[:, None], [-np.inf, np.inf], self.task.limits)
+        free: dict[str, dict[str, Any]] = {"clearances": {"pair": "any", "keep_out": ()}, "limits": {"limits": limits}}
+        free["shares"] = {"joints": (), "seats": ()}  # their planes and lines meet all the same
+        return replace(self, task=replace(self.task, **free[kind]))
 
     def nearer(self, short: float) -> System:
         """Return the same where the bodies are to be clear of each other but for a share of their size."""
         task = self.task
         return replace(self, task=replace(task, goal="clear", pair="any", clearance=task.need - short * task.size))
-
-    def without_limits(self) -> System:
-        """Return the same where parameters that may change may change by any amount."""
-        limits = np.where(self.moving[:, None], [-np.inf, np.inf], self.task.limits)
-        return replace(self, task=replace(self.task, limits=limits))
-
-    def without_shares(self) -> System:
-        """Return the same where elements in contact need not meet: their planes and lines do."""
-        return replace(self, task=replace(self.task, joints=(), seats=()))
 
     def overlaps(self, q: Array) -> list[str]:
         """Return what a motion leaves too near, and by how much: the worst of the bodies, and of each keep-out."""
@@ -644,10 +636,10 @@ class _Told:
     def _violated(self) -> tuple[str, ...]:
         """Return what closing all contacts would violate: as few as do of clearances, limits, and what faces share."""
         count, first = len(self._joints), self.systems[0].task
-        kinds = (System.without_clearances, System.without_limits, System.without_shares)
+        kinds = ("clearances", "limits", "shares")
         for dropped in (group for size in (1, 2, 3) for group in combinations(kinds, size)):
             some = [own for own in self.systems if own.features or kinds[0] not in dropped]
-            z = least([reduce(lambda own, drop: drop(own), dropped, own) for own in some])[0] if some else None
+            z = least([reduce(System.without, dropped, own) for own in some])[0] if some else None
             if z is None:
                 continue
             q = np.where(np.abs(z) <= DEFAULT.tie, 0.0, z * first.size / first.weights)
@@ -740,10 +732,6 @@ def _parameter(value: float, kind: str, unit: str) -> str:
     return measured(value, unit, 4) if kind == "translation" else f"{np.degrees(value):.4g} deg"
 
 
-def _listed(group: Sequence[int]) -> str:
-    return ", ".join(str(k + 1) for k in group)
-
-
 # ----------------------------------------------------------------------------------------------------------- goal "fit"
 
 
@@ -807,9 +795,9 @@ def _fitted(task: Task) -> Answer:
         return replace(failed, active=(*own.overlaps(q)[:MOST_VIOLATED], "parts overlap besides these contacts"))
     opened = np.maximum(task.line_gaps(q)[1], 0.0)
     most = float(opened.max())
-    at = np.flatnonzero(opened >= most - DEFAULT.touch * task.size)
+    at = ", ".join(str(k + 1) for k in np.flatnonzero(opened >= most - DEFAULT.touch * task.size).tolist())
     closed = most <= DEFAULT.touch * task.size  # rounding
-    active = ("no contact is left open" if closed else f"the largest gap is of contact {_listed(at.tolist())}",)
+    active = ("no contact is left open" if closed else f"the largest gap is of contact {at}",)
     counts = task.modelled({own.parts for own in own.features}, variables=len(z), constraints=2 * count, features=count)
     known = exact and remaining >= POLISHED and (not blocked or largest <= 2.0 * DEFAULT.tie)
     return task.answer(q, stage, np.inf if known else 0.0, active, counts)
@@ -851,7 +839,8 @@ def _ways_of_least_gap(
     if y is None:
         return None, complete
     missed = choices.of_rows(choices.rows.levels - choices.rows.normals @ (y[:-1] / MINOR))[0]
-    return choices.only(choices.first_least(missed)).rows, True
+    order = np.lexsort((missed, choices.group_of_alternatives))  # of each group the one that is missed least first
+    return choices.only(np.isin(np.arange(len(missed)), order[choices.groups])).rows, True
 
 
 def _widened(rows: Array) -> Array:

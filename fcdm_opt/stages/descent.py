@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.contact import distinct
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
@@ -189,17 +190,13 @@ class Descent:
         low, high = self.task.limits.T / self.scale
         return np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
 
-    def _wide(self) -> Array:
-        """Return starts further away, along fixed directions, see `rays.directions`."""
-        ways = rays.directions(self.task) * self.task.weights
-        steps = [np.where(self.task.motion.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
-        return np.vstack([ways * own for own in steps])
-
     def least_tracked(self) -> Settled | None:
         """Return the least motion found that keeps the tracked contact, whatever the target pair's state."""
         best = self.settle(self.starts, np.inf)
         if best is None or best.amount > WIDE[-1]:
-            best = self.settle(self._wide(), self._below(best)) or best
+            ways = rays.directions(self.task) * self.task.weights
+            steps = [np.where(self.task.motion.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
+            best = self.settle(np.vstack([ways * own for own in steps]), self._below(best)) or best
         return best
 
     def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
@@ -207,16 +204,10 @@ class Descent:
         sites, orientations, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
-        found: list[tuple[float, Way, float]] = []
-        known = np.empty((0, 3))
-        for k in np.argsort(amounts, kind="stable").tolist():
-            if not (known @ normals[k] > 1.0 - DEFAULT.nominal).any():
-                known = np.vstack([known, normals[k]])
-                own = Way((*sites[k].tolist(), *parts), float(orientations[k]))
-                found.append((float(amounts[k]), own, float(gaps[k])))
-            if len(found) == CHOICES:
-                break
-        return found
+        order = np.argsort(amounts, kind="stable")
+        kept = order[distinct(normals[order], CHOICES)].tolist()
+        own = [Way((*sites[k].tolist(), *parts), float(orientations[k])) for k in kept]
+        return list(zip(amounts[kept].tolist(), own, gaps[kept].tolist(), strict=True))
 
     def _combined(self, low: dict[Parts, list[tuple[float, Way, float]]]) -> Iterator[tuple[float, list[Way]]]:
         """Yield (promise, sites) of the choices of one way for each pair: the first of all, or one other."""

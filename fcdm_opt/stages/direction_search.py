@@ -136,14 +136,8 @@ def _active(task: Task, q: Array, sides: tuple[Array, ...]) -> tuple[str, ...]:
     names = [f"rho_{k + 1} reaches its target" for k in range(2) if reached[k] and task.signs[k] != 0]
     for side in sides:
         for _, _, fault in task.path_faults(side):
-            if fault is None:
-                names.append("the tracked contact ends on the way")
-            elif fault.kind == "unsupported":
-                part = fault.parts[fault.body - 1] + 1
-                names.append(f"a vertex of body {fault.body}, part {part}, behind the tracked feature")
-            else:
-                state = "apart" if fault.kind == "overlapping" else "in contact"
-                names.append(f"{task.named(fault.parts)} stays {state} on the way")
+            ends = "the tracked contact ends on the way"
+            names.append(ends if fault is None else fault.kept(task.named(fault.parts)))
     if not np.all((q > task.limits[:, 0]) & (q < task.limits[:, 1])):
         names.append("a limit")
     return tuple(dict.fromkeys(names))

@@ -105,10 +105,7 @@ def placed(task: Task, parts: Parts) -> tuple[Array, Array]:
 
 
 def _nearer(task: Task, parts: Parts) -> Array | None:
-    """Return shifts that bring two parts just as near as they may be: facets and corners moved out, (n, 3).
-
-    None where the parts are too large.
-    """
+    """Return shifts, (n, 3), that bring two parts as near as may be: facets, corners moved out; None of large ones."""
     from scipy.spatial import ConvexHull
 
     moved, other = placed(task, parts)

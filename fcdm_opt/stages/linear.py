@@ -21,7 +21,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, distinct_rows
 from fcdm_opt.model.seats import Bools, held
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
@@ -179,11 +179,8 @@ def straight(task: Task) -> Answer | None:
         in_the_way = blocked[(lows < place) & (place < highs)]
         stops[in_the_way] |= others[in_the_way].all()
     q = np.array([least])
-    ways = {
-        tuple(pairs[k].tolist()): normals[k][int(2.0 * least > low[k] + high[k])]
-        for k in blocked.tolist()
-        if k in normals
-    }
+    sides = {k: int(2.0 * least > low[k] + high[k]) for k in blocked.tolist() if k in normals}
+    ways = {tuple(pairs[k].tolist()): normals[k][side] for k, side in sides.items()}
     if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))
@@ -315,15 +312,8 @@ def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
     _, rows, separations = task.separations(parts, task.pose(task.rest))
     lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
     if task.part_pairs > 1:
-        lines = lines[_distinct(np.round(lines / DEFAULT.tie))]
+        lines = lines[distinct_rows(np.round(lines / DEFAULT.tie))[0]]
     return Rows(lines[:, :-1], lines[:, -1])
-
-
-def _distinct(rows: Array) -> Ints:
-    """Return which rows differ, the first of each, in the order of their entries: as numpy's unique, much sooner."""
-    order = np.lexsort(rows.T[::-1])
-    sorted_ = rows[order]
-    return order[np.append(True, (sorted_[1:] != sorted_[:-1]).any(axis=1))]
 
 
 def _least(

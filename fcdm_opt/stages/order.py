@@ -62,12 +62,8 @@ STAGES: dict[str, Callable[[Task], Answer | None]] = {
 def settled(task: Task, model: str = "auto") -> Answer:
     """Return the answer of the first stage that settles a task, or of the one that is forced.
 
-    Where none settles it, or the time given is over before, the last that answers at all, with the best bound.
-
-    Raises
-    ------
-    InputError
-        Where the stage that is forced does not take the task.
+    Where none settles it, or the time given is over before, the last that answers at all, with the best bound. Raises
+    `InputError` where the stage that is forced does not take the task.
     """
     last: Answer | None = None
     if task.joints and model not in ("auto", "satisfied", "together"):

@@ -64,12 +64,8 @@ def goal_rows(task: Task) -> list[Row]:
     band = 0.0 if len(task.weights) >= 2 else DEFAULT.solver
     change = max(np.abs(task.target - task.nominal).max(), DEFAULT.least_unit)
     lower, upper = (0.0, INF) if task.goal == "beyond" else (-band, band)
-    return [
-        Row(
-            ("tracked", k), np.array([(task.signs[k] or 1.0) / change]), lower, upper, f"rho_{k + 1} reaches its target"
-        )
-        for k in range(2)
-    ]
+    factors = np.array([[(sign or 1.0) / change] for sign in task.signs])
+    return [Row(("tracked", k), factors[k], lower, upper, f"rho_{k + 1} reaches its target") for k in range(2)]
 
 
 def _seat_rows(task: Task) -> list[Row]:
@@ -88,16 +84,9 @@ def _seat_rows(task: Task) -> list[Row]:
         for (m, p), rate in zip(turns, rates, strict=True)
     ]
     lines = (*task.tracked, *task.untracked)
-    rows += [
-        Row(
-            ("target", line.kind),
-            np.append(line.values, line.steepness(np.eye(3)) * task.unit),
-            0.0,
-            0.0,
-            "target on the moved segment",
-        )
-        for line in lines
-    ]
+    values = [np.append(line.values, line.steepness(np.eye(3)) * task.unit) for line in lines]
+    name = "target on the moved segment"
+    rows += [Row(("target", line.kind), own, 0.0, 0.0, name) for line, own in zip(lines, values, strict=True)]
     moving = (task.limits != 0).any(axis=1)
     # beside rest, where a turn may change nothing to first order, and without a tilt
     beside = task.steps * moving / np.arange(1, len(moving) + 1)
@@ -160,11 +149,6 @@ class _Symbols:
         """The scene after the whole motion."""
         return SymbolicPose.of(self.motion, self.q, self.seeds)
 
-    @cached_property
-    def end_pair(self) -> Any:
-        """The tracked scale pair after the whole motion."""
-        return self.tracked_pair(self.end, 1.0)
-
     def tracked_pair(self, scene: SymbolicPose, s: Any) -> Any:
         """Return the tracked scale pair: both lines' intersection, or one line's point nearest the straight path."""
         import casadi
@@ -199,7 +183,7 @@ def _value(symbols: _Symbols, template: tuple[Any, ...]) -> Any:
             n, point = symbols.end.transform[:3, :3] @ n, symbols.end.scaled(target[0], point) - symbols.seeds[3:]
         return casadi.dot(n, point / symbols.unit - symbols.block)
     if name == "tracked":
-        return (symbols.end_pair[detail[0]] - target[detail[0]]) * values[0]
+        return (symbols.tracked_pair(symbols.end, 1.0)[detail[0]] - target[detail[0]]) * values[0]
     if name == "on":
         a, b, c, n = symbols.end.line(*symbols.tracked[0])
         return (a * target[0] + b * target[1] - c) / (casadi.norm_2(n) * symbols.unit)
@@ -310,15 +294,10 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         **_QUIET,
         "qpsol": "qrqp",
         "qpsol_options": {
-            "print_iter": False,
-            "print_header": False,
-            "print_info": False,
-            "error_on_fail": False,
+            **dict.fromkeys(("print_iter", "print_header", "print_info", "error_on_fail"), False),
             "max_iter": 100,
         },
-        "print_header": False,
-        "print_iteration": False,
-        "print_status": False,
+        **dict.fromkeys(("print_header", "print_iteration", "print_status"), False),
         "max_iter": 40,
         "tol_pr": DEFAULT.solver,
         "tol_du": DEFAULT.dual,

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.coherence import Fault
+from fcdm_opt.curve.contact import distinct
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import feature_points
@@ -224,20 +225,15 @@ class Relaxation:
         task, rotation = self.task, pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
         scale = feature.steepness(rotation)
-        pair = task.named(fault.parts)
+        name = fault.kept(task.named(fault.parts))
         if fault.kind == "unsupported":
             part = (task.movable, task.static)[fault.body - 1].parts[fault.parts[fault.body - 1]]
-            name = f"a vertex of body {fault.body}, part {fault.parts[fault.body - 1] + 1}, behind the tracked feature"
             vertex = part.vertices[fault.vertex]
             self._rows.append(program.support_row(task, s, feature, scale, fault.body, vertex, name))
         else:
             apart = fault.kind == "overlapping"  # on the touching, or apart, side of the feature's contact line
-            name = f"{pair} stays {'apart' if apart else 'in contact'} on the way"
-            values, ends = (
-                np.concatenate([[s], feature.values, [scale * task.unit]]),
-                (0.0, INF) if apart else (-INF, 0.0),
-            )
-            self._rows.append(Row(("line", feature.kind), values, *ends, name))
+            values = np.concatenate([[s], feature.values, [scale * task.unit]])
+            self._rows.append(Row(("line", feature.kind), values, *((0.0, INF) if apart else (-INF, 0.0)), name))
         return True
 
     def _keep_flush(self, s: float, pose: Array) -> bool:
@@ -251,9 +247,8 @@ class Relaxation:
                 overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
                     values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
-                    self._rows.append(
-                        Row(("over",), values, least / task.unit, INF, "flush contacts stay on one another")
-                    )
+                    name = "flush contacts stay on one another"
+                    self._rows.append(Row(("over",), values, least / task.unit, INF, name))
                     added = True
         moving = (task.limits != 0).any(axis=1)
         turning = np.flatnonzero(moving & task.spins.any(axis=1))
@@ -359,11 +354,6 @@ def _separating_directions(task: Task, parts: Parts, q: Array) -> list[tuple[flo
     steepness = np.linalg.norm(task.gap_rates(parts, q, sites, rows[:, :3]) / task.weights, axis=1)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         amounts = np.nan_to_num((task.needs[parts[1]] - separations) / steepness, nan=np.inf)
-    found: list[tuple[float, Array]] = []
-    for k in np.argsort(amounts, kind="stable"):  # parallel faces and edges list a direction more than once
-        normal = rows[k, :3]
-        if all(normal @ known < 1.0 - DEFAULT.nominal for _, known in found):
-            found.append((float(amounts[k]), normal))
-        if len(found) == CHOICES:
-            break
-    return found
+    order = np.argsort(amounts, kind="stable")
+    kept = order[distinct(rows[order, :3], CHOICES)]  # parallel faces and edges list a direction more than once
+    return [(float(amounts[k]), rows[k, :3]) for k in kept]

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.bounds import search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
@@ -167,11 +167,6 @@ class Linearised(NamedTuple):
             {},
         )
 
-    @property
-    def q(self) -> Array:
-        """The parameters."""
-        return self.y / self.task.weights
-
     def apart(self, parts: Parts) -> list[Rows] | None:
         """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""
         ways = self.ways(parts)
@@ -203,7 +198,13 @@ class Linearised(NamedTuple):
         task, (i, j) = self.task, parts
         one, obstacle = task.movable.parts[i], task.obstacles[j]
         two, need = obstacle.part, obstacle.need
-        sites, lines, gaps = task.separations(parts, task.pose(self.q))
+        q = self.y / task.weights
+
+        def near(heights: Array) -> Ints:  # vertices that may meet a plane, or else the nearest
+            rows = np.flatnonzero(heights <= max(need, 0.0) + self.band)
+            return rows if len(rows) else np.array([heights.argmin()])
+
+        sites, lines, gaps = task.separations(parts, task.pose(q))
         if not self.turns.any() and need <= 0.0:  # a shift: one row for all vertices
             some = np.argsort(-gaps)[: int((gaps >= need - self.band).sum())]  # one that nothing can join comes first
             return list(zip(-(lines[some, None, :3] @ self.shifts.T), gaps[some, None], strict=True))
@@ -217,25 +218,22 @@ class Linearised(NamedTuple):
         heights = normals @ away.T - (one.normals @ x.T).max(axis=1)[:, None]
         turned = np.einsum("kab,fb->kfa", self.turns, one.normals)
         for f in np.flatnonzero(heights.min(axis=1) >= need - self.band):
-            rows = np.flatnonzero(heights[f] <= max(need, 0.0) + self.band)
-            rows = rows if len(rows) else heights[f].argmin(keepdims=True)
+            rows = near(heights[f])
             found.append(((turned[:, f] @ away[rows].T).T - self.shifts @ normals[f], heights[f, rows]))
         heights = two.normals @ moved.T - (two.normals @ p.T).max(axis=1)[:, None]
         for f in np.flatnonzero(heights.min(axis=1) >= need - self.band):
-            rows = np.flatnonzero(heights[f] <= max(need, 0.0) + self.band)
-            rows = rows if len(rows) else heights[f].argmin(keepdims=True)
+            rows = near(heights[f])
             found.append(((speeds[:, rows] @ two.normals[f]).T, heights[f, rows]))
         some = (sites[:, 0] == E1E2) & (gaps >= need - self.band)
         if some.any():
-            rates = task.gap_rates(parts, self.q, sites[some], lines[some, :3]) / task.weights
+            rates = task.gap_rates(parts, q, sites[some], lines[some, :3]) / task.weights
             told = np.isfinite(rates).all(axis=1)
             found += [(J[None], np.array([g])) for J, g in zip(rates[told], gaps[some][told], strict=True)]
         if need > 0.0 and 0.0 < gaps.max() < need + self.band:  # corners: the distance is along no facet direction
-            n = task.way_between(parts, self.q)
+            n = task.way_between(parts, q)
             if (length := float(np.linalg.norm(n))) > 0.0:
                 n = n / length
                 heights = (p @ n).min() - moved @ n
-                rows = np.flatnonzero(heights <= need + self.band)
-                rows = rows if len(rows) else heights.argmin(keepdims=True)
+                rows = near(heights)
                 found.append((-(speeds[:, rows] @ n).T, heights[rows]))
         return found

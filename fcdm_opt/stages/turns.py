@@ -104,12 +104,8 @@ class _TurnSearch:
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
         self.one = rays.together([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
-        self.two = rays.together(
-            [
-                _tables(own.part, own.scale, offset + own.part.seed - task.static.seed)
-                for own in task.obstacles[: len(task.static.parts)]
-            ]
-        )
+        others, seed = task.obstacles[: len(task.static.parts)], task.static.seed
+        self.two = rays.together([_tables(own.part, own.scale, offset + own.part.seed - seed) for own in others])
         self.touching, self.apart = self._pairs()
         at_will = not np.isfinite(task.limits[translations]).any() and task.allows(task.rest)
         alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)

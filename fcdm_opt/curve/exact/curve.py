@@ -20,15 +20,9 @@ from fcdm_opt.geometry.bodies import ConvexPart
 
 @dataclass(frozen=True, eq=False)
 class ExactCorner:
-    """A switching point: where two pieces of a chain meet.
+    """A switching point: where two pieces of a chain meet."""
 
-    Attributes
-    ----------
-    edge : Edge
-        Of the shadow, the one that ends there.
-    """
-
-    edge: Edge = field(repr=False)
+    edge: Edge = field(repr=False)  # of the shadow, the one that ends there
 
     @cached_property
     def point(self) -> Vector:
@@ -48,25 +42,16 @@ class ExactCorner:
 
 @dataclass(frozen=True, eq=False)
 class ExactPiece:
-    """A straight stretch of the boundary, in the open quadrant.
+    """A straight stretch of the boundary, in the open quadrant."""
 
-    Attributes
-    ----------
-    exact_normal : (3,) tuple of fmpz
-        Direction from body 1 to body 2, world frame, coprime integers.
-    exact_line : (3,) tuple of fmpq
-        (a, b, c) of that direction, not normalised; overlap on the side of (a, b).
-    exact_start, exact_end : (3,) tuples of fmpz
-        Homogeneous ends (x, y, w), coprime, overlap on the left; w = 0: at infinity in the direction (x, y).
-    edge : Edge
-        Of the shadow.
-    """
-
-    exact_normal: Vector
+    exact_normal: Vector  # (3,): direction from body 1 to body 2, world frame, coprime integers
+    # (3,): (a, b, c) of that direction, not normalised; overlap on the side of (a, b)
     exact_line: tuple[fmpq, fmpq, fmpq]
+    # exact_start, exact_end: (3,): homogeneous ends (x, y, w), coprime, overlap on the left; w = 0: at infinity in the
+    # direction (x, y)
     exact_start: Vector
     exact_end: Vector
-    edge: Edge = field(repr=False)
+    edge: Edge = field(repr=False)  # of the shadow
 
     @cached_property
     def touching(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -120,41 +105,23 @@ class ExactPiece:
 
 @dataclass(frozen=True, eq=False)
 class ExactChain:
-    """Consecutive pieces, overlap on the left.
-
-    Attributes
-    ----------
-    pieces : tuple of ExactPiece
-    corners : tuple of ExactCorner
-        After each piece that another one follows; of a closed chain after the last piece too.
-    closed : bool
-        Whether it is a closed polygon; otherwise it starts and ends on an axis or at infinity.
-    """
+    """Consecutive pieces, overlap on the left."""
 
     pieces: tuple[ExactPiece, ...]
+    # after each piece that another one follows; of a closed chain after the last piece too
     corners: tuple[ExactCorner, ...]
-    closed: bool
+    closed: bool  # whether it is a closed polygon; otherwise it starts and ends on an axis or at infinity
 
 
 @dataclass(frozen=True, eq=False)
 class ExactCurve:
-    """The overlap region of one pair of convex parts in the open quadrant, and the chains that bound it.
+    """The overlap region of one pair of convex parts in the open quadrant, and the chains that bound it."""
 
-    Attributes
-    ----------
-    status : "bounded", "empty" or "full"
-        Whether the region has a boundary, is empty (the parts may touch but never overlap), or is the whole quadrant.
-    chains : tuple of ExactChain
-    proof : (3,) tuple of fmpz, or None
-        Where empty: a direction n with a <= 0, b <= 0 and c >= 0, which no scale pair overcomes.
-    shadow : Shadow
-        The region as the shadow of a linear program.
-    """
-
+    # whether the region has a boundary, is empty (the parts may touch but never overlap), or is the whole quadrant
     status: Literal["bounded", "empty", "full"]
     chains: tuple[ExactChain, ...]
-    proof: Vector | None
-    shadow: Shadow = field(repr=False)
+    proof: Vector | None  # where empty: a direction n with a <= 0, b <= 0 and c >= 0, which no scale pair overcomes
+    shadow: Shadow = field(repr=False)  # the region as the shadow of a linear program
 
     @property
     def pieces(self) -> list[ExactPiece]:
@@ -162,12 +129,9 @@ class ExactCurve:
         return [piece for chain in self.chains for piece in chain.pieces]
 
     def side(self, rho: Sequence[Number]) -> int:
-        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap.
+        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap, at a positive scale pair.
 
-        Parameters
-        ----------
-        rho : two numbers
-            A scale pair, both positive: floats as they are, or rationals.
+        That is of floats as they are, or of rationals.
         """
         point = scale_pair(rho)
         if self.status == "empty":
@@ -200,21 +164,10 @@ class ExactCurve:
 
 
 def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None) -> ExactCurve:
-    """Return the exact decision curve of two convex parts.
+    """Return the exact decision curve of two convex parts, of which only vertices and seeds are used.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-        Of body 1 and body 2; only their vertices and seeds are used.
-    transform : (4, 4) array, optional
-        Pose change of body 1, taken as given: rational, not exactly orthogonal. Identity unless given.
+    The transform of body 1, (4, 4), is taken as given: rational, not exactly orthogonal; by default it is the identity.
 
-    Returns
-    -------
-    ExactCurve
-
-    Notes
-    -----
     Bodies that never overlap have a direction n with a <= 0, b <= 0, c >= 0, one direction for all scale pairs: the
     cone of all p_i, -q_j, -d is then not all of space (Gordan). So emptiness needs no pair of lines.
     """
@@ -243,12 +196,8 @@ def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None
 
 
 def _chain(shadow: Shadow, edges: Sequence[Edge], closed: bool) -> ExactChain:
-    corners = edges if closed else edges[:-1]
-    return ExactChain(
-        tuple([_piece(shadow.program, edge) for edge in edges]),
-        tuple(map(ExactCorner, corners)),
-        closed,
-    )
+    pieces = tuple([_piece(shadow.program, edge) for edge in edges])
+    return ExactChain(pieces, tuple(map(ExactCorner, edges if closed else edges[:-1])), closed)
 
 
 def _piece(program: Program, edge: Edge) -> ExactPiece:

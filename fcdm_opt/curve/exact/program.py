@@ -54,27 +54,12 @@ NOTHING: Vector = (ZERO, ZERO, ZERO, ZERO)
 class Program:
     """The columns of two convex parts: as integers when asked for, and all of them as floats.
 
-    Columns are numbered: the vertices of part 1, those of part 2, the offset.
+    Columns are numbered: the vertices of part 1, those of part 2, the offset; `counts` are of the vertices, `total` is
+    of all. The transform of body 1, (4, 4), is taken as given.
 
-    Parameters
-    ----------
-    one, two : ConvexPart
-    transform : (4, 4) array
-        Pose change of body 1, taken as given.
-
-    Attributes
-    ----------
-    counts : two int
-        Vertices of part 1 and of part 2.
-    total : int
-        Number of columns.
-    units : three int
-        Exponents of the powers of two that lengths of part 1, part 2 and d are counted in.
-    reach : three int
-        k is two to these powers: at least as large as any entry of such a column.
-    k : (3,) tuple of fmpz
-    floats : (6, N) array
-        The first three rows divided by k, and three rows that say of which kind a column is.
+    `units` are the exponents of the powers of two that lengths of part 1, part 2 and d are counted in; k, (3,), is two
+    to the powers `reach`: at least as large as any entry of such a column. `floats`, (6, total), are the first three
+    rows divided by k, and three rows that say of which kind a column is.
     """
 
     def __init__(self, one: ConvexPart, two: ConvexPart, transform: Array) -> None:
@@ -139,13 +124,7 @@ class Program:
     def price(self, n: Vector, levels: Vector, basic: Sequence[int]) -> int | None:
         """Return a column with level - n.c < 0, one of the lowest; None if there is none, proved for every column.
 
-        Parameters
-        ----------
-        n : (3,) tuple of fmpz
-        levels : (3,) tuple of fmpz
-            Of each kind.
-        basic : sequence of int
-            Columns where it is 0 by construction.
+        `levels` are of each kind; `basic` are columns where it is 0 by construction.
         """
         values, error = self._slacks(n, levels)
         least = int(values.argmin())
@@ -219,27 +198,14 @@ class Program:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """Four independent columns, and the inverse of their matrix.
-
-    Attributes
-    ----------
-    program : Program
-    origin : four columns
-        Of the first basis: they perturb the right-hand side.
-    basic : four int
-        Its columns, and in `kinds` what they stand for.
-    rows : four Vector
-        Adjugate of the columns' matrix.
-    det : fmpz
-        Determinant, positive.
-    """
+    """Four independent columns, and the inverse of their matrix."""
 
     program: Program
-    origin: tuple[Vector, ...]
-    basic: tuple[int, ...]
+    origin: tuple[Vector, ...]  # of the first basis: they perturb the right-hand side
+    basic: tuple[int, ...]  # its columns, and in `kinds` what they stand for
     kinds: tuple[int, ...]
-    rows: tuple[Vector, ...]
-    det: fmpz
+    rows: tuple[Vector, ...]  # adjugate of the columns' matrix
+    det: fmpz  # determinant, positive
 
     @property
     def carrying(self) -> list[int]:
@@ -277,12 +243,7 @@ class Basis:
     def leaving(self, y: Vector, places: int = 4) -> int | None:
         """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None if there is none.
 
-        Parameters
-        ----------
-        y : (4,) tuple of fmpz
-            `products` of the entering column.
-        places : int
-            So many, the first ones, may leave.
+        `y`, (4,), are the `products` of the entering column. The first `places` weights may leave.
         """
         best = None
         for i in range(places):
@@ -345,20 +306,12 @@ class Basis:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What phase one finds.
+    """What phase one finds."""
 
-    Attributes
-    ----------
-    basis : Basis, or None
-        One with non-negative weights; None where there is none: no scale pair meets.
-    excluding : (3,) tuple of fmpz, or None
-        A direction n with n.c <= 0 for the first three entries of all columns, so a <= 0, b <= 0 and c >= 0.
-    crossing : (Basis, int), or None
-        Unless `excluding`: a basis and an entering column that bring the weight of A below 0.
-    """
-
-    basis: Basis | None
+    basis: Basis | None  # one with non-negative weights; None where there is none: no scale pair meets
+    # a direction n with n.c <= 0 for the first three entries of all columns, so a <= 0, b <= 0 and c >= 0
     excluding: Vector | None
+    # unless `excluding`: a basis and an entering column that bring the weight of A below 0
     crossing: tuple[Basis, int] | None
 
 

@@ -36,20 +36,12 @@ class Vertex(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """An edge of the polygon, counter-clockwise.
-
-    Attributes
-    ----------
-    start, end : Vertex
-    basis : Basis
-        Of columns that are all tight.
-    n, levels : (3,) tuples of fmpz
-        Its dual solution: the polygon is where levels . z >= 0. n = 0 on a side of the triangle z >= 0.
-    """
+    """An edge of the polygon, counter-clockwise."""
 
     start: Vertex
     end: Vertex
-    basis: Basis
+    basis: Basis  # of columns that are all tight
+    # n, levels: (3,): its dual solution: the polygon is where levels . z >= 0. n = 0 on a side of the triangle z >= 0
     n: Vector
     levels: Vector
 
@@ -66,14 +58,7 @@ class Edge:
 
 
 class Shadow:
-    """The polygon of all z = (sum lambda, sum mu, tau) that weights can give.
-
-    Attributes
-    ----------
-    program : Program
-    start : Start
-        What phase one found.
-    """
+    """The polygon of all z = (sum lambda, sum mu, tau) that weights can give; `start` is what phase one found."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
