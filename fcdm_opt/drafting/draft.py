@@ -36,7 +36,7 @@ from fcdm_opt.geometry.tessellation import TESSELLATED
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
 from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Translation
-from fcdm_opt.problem.fit import FAR, verdict
+from fcdm_opt.problem.fit import FAR, MATING, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -59,7 +59,6 @@ UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: 
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 DRAWN_TO = 1e-9  # of a part's size: what files of coordinates in single precision, or integrals over them, leave of 0
-MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
