@@ -149,6 +149,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     asked = [row.solution.problem for row in rows]
     bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
+        if text in said:
+            continue
         head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
         print_text(f"{head}{exactly}", indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}

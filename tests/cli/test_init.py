@@ -574,3 +574,13 @@ def test_a_taper_tells_how_much_farther_than_its_diameter_a_part_moves(tmp_path:
     trimesh.boolean.difference([block, frustum(-1.0, 41.0)]).export(tmp_path / "socket.stl")
     text, _ = drafted(tmp_path / "plug.stl", tmp_path / "socket.stl", tmp_path)
     assert "by x moves it 20 x, x / (2 tan(half angle))" in text
+
+
+def test_solids_of_one_file_are_told_once(tmp_path: Path) -> None:
+    """They stood as a remark on every case, and again among the notes on bodies."""
+    one, scene = trimesh.creation.box((1.0, 1.0, 1.0)), trimesh.Scene()
+    scene.add_geometry(one, node_name="one")
+    scene.add_geometry(one.copy().apply_translation((3.0, 0.0, 0.0)), node_name="two")
+    scene.export(tmp_path / "pair.glb")
+    _, path = drafted(tmp_path / "pair.glb", box(tmp_path / "plate.off", (10.0, 10.0, 1.0), (0.0, 0.0, -1.0)), tmp_path)
+    assert run("solve", path).stdout.count("2 solids in the file") == 1
