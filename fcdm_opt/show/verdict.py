@@ -170,7 +170,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist())
-    sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
+    sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
     sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
