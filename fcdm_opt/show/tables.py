@@ -229,7 +229,8 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
             each |= {name if " - " in name else f"keep-out {name}": own for name, own in times.keep_outs.items()}
             ends += [f"{name}: {_spans(problem, direction, own)}" for name, own in each.items()]
             low, high = (steps_text(problem, (x * direction).tolist()) for x in times.searched)
-            ends += [f"searched from {low} to {high}: what is beyond is not known"] * all(map(math.isfinite, times.searched))
+            beyond = f"searched from {low} to {high}: what is beyond is not known"
+            ends += [beyond] * all(map(math.isfinite, times.searched))
         for text in (*ends, *at_contact):
             print_text(f"- {text}", indent="  ")
     print_text()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import ChangedShape, TouchingSizes
+from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes
 from fcdm_opt.curve.true_sizes import touching_true_faces, widened
 from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
@@ -481,7 +481,7 @@ def stack_up(
         try:
             touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
             return StackUp(touching, between, problem.unit, None, keep_out)
-        except ChangedShape as refused:
+        except ChangedShapeError as refused:
             try:
                 loop = pair_loop(problem, rigid_transform(pose))
             except InputError:
