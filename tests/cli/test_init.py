@@ -566,7 +566,10 @@ def test_a_taper_tells_how_much_farther_than_its_diameter_a_part_moves(tmp_path:
 
     def frustum(low: float, high: float) -> Any:
         angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-        rings = [((8.0 + z / 40.0) * np.cos(angles), (8.0 + z / 40.0) * np.sin(angles), 0.0 * angles + z) for z in (low, high)]
+        rings = [
+            ((8.0 + z / 40.0) * np.cos(angles), (8.0 + z / 40.0) * np.sin(angles), 0.0 * angles + z)
+            for z in (low, high)
+        ]
         return trimesh.convex.convex_hull(np.hstack(rings).T)
 
     frustum(0.0, 40.0).export(tmp_path / "plug.stl")
