@@ -557,8 +557,8 @@ def mating_cylinders(bodies: tuple[Body, Body]) -> list[tuple[Round, Round]]:
 
     Their axes are parallel and no farther apart than their radii, which are nearly alike; the first is of body 1.
     """
-    found = list[tuple[Round, Round]]()
-    for pair in product(*(filter(_is_cylinder, round_faces(body)) for body in bodies)):
+    found, walls = list[tuple[Round, Round]](), [[*filter(_is_cylinder, round_faces(body))] for body in bodies]
+    for pair in product(walls[0], walls[1]):
         (one, two), axis = (own.surface for own in pair), pair[0].surface.axis
         off, room = one.origin - two.origin, abs(one.radius - two.radius)
         rows = (np.unique(np.concatenate(own.faces)) - 1 for own in pair)

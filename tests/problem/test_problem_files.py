@@ -730,6 +730,6 @@ def test_contacts_of_the_defaults_were_refused_by_cases_of_other_goals(tmp_path:
     contacts = {own.name: own.contacts for own in load_problems(path)}
     assert {name: bool(contacts[name]) for name in goals} == {"touch": False, "clear": False, "at": True}
     path.write_text(text + case.format("clear") + 'contacts = "all"\n')
-    with pytest.raises(InputError, match="'clear'.goal: does not go with contacts") as refused:
+    with pytest.raises(InputError, match=r"'clear'\.goal: does not go with contacts") as refused:
         load_problems(path)
     assert "changed(" not in str(refused.value)

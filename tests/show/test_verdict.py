@@ -178,7 +178,7 @@ def test_gaps_over_the_whole_tolerance(off: float) -> None:
 
 @pytest.mark.parametrize(("radius", "kind"), [(9.9, "transition"), (9.6, "clearance"), (10.4, "interference")])
 def test_a_fit_was_called_after_an_overlap_at_the_shoulder(radius: float, kind: str) -> None:
-    """A hub of bore 20 that stands on a shaft's shoulder, 1 % each: diameters differ by 20 (1 -+ .01) - 2 r (1 +- .01)."""
+    """A hub of bore 20 on a shaft's shoulder, 1 % each: diameters differ by 20 (1 -+ .01) - 2 r (1 +- .01)."""
     hub = fo.cut(fo.Cylinder(20, 25), fo.Cylinder(10, 30, base=(0, 0, -1)), name="hub")
     shaft = fo.joined(fo.Cylinder(15, 10, base=(0, 0, -10)), fo.Cylinder(radius, 40, base=(0, 0, -10)), name="shaft")
     motion = fo.Translation("z")
