@@ -482,8 +482,8 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
             flat &= 0.0 < off < (1.0 - ROUND) * wall.surface.radius
             opposite = any(k in ends and (width < 0.0) == inside for width, *ends in over)
             if flat and not opposite and any(pair in edges for pair in combinations(body.faces[k], 2)):
-                told = f"from the axis of its {wall.name.split()[0]} to its flat F{k + 1}, {off:.6g}"
-                offered((f"F{k + 1}",), -off if inside else off, f"flat F{k + 1}", told, each=1.0)
+                text = f"from the axis of its {wall.name.split()[0]} to its flat F{k + 1}, {off:.6g}"
+                offered((f"F{k + 1}",), -off if inside else off, f"flat F{k + 1}", text, each=1.0)
     nearest = dict[tuple[int, bool], float]()
     for width, *ends in sorted(over, key=lambda own: -abs(own[0])):
         nearest.update({(end, width > 0.0): abs(width) for end in ends})

@@ -258,7 +258,7 @@ class Case(Defaults, title="Cases"):
         return given
 
 
-TOGETHER = (None, "at", "seat", "fit")
+RESTORING_GOALS = (None, "at", "seat", "fit")
 """Goals that restore several contacts together; without one it is "at"."""
 
 
@@ -268,7 +268,7 @@ def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[
     And whose contacts go with the goals and the pair that restore them together.
     """
     given = {**defaults, **case}
-    if "contacts" not in case and (given.get("goal") not in TOGETHER or given.get("pair") == "clear"):
+    if "contacts" not in case and (given.get("goal") not in RESTORING_GOALS or given.get("pair") == "clear"):
         given.pop("contacts", None)
     if "made" in given and not {"requirement", "target"} & given.keys() and "tolerance" not in case:
         given.pop("tolerance", None)

@@ -38,7 +38,7 @@ from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
     BY_PARAMETER,
-    TOGETHER,
+    RESTORING_GOALS,
     Arguments,
     Case,
     Corner,
@@ -773,7 +773,7 @@ def _check_several(asked: Arguments) -> None:
     wrong: list[tuple[str, Any, str]] = []
     if asked.contacts is None:
         wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
-    if asked.goal not in TOGETHER:
+    if asked.goal not in RESTORING_GOALS:
         allowed = f'"at", "seat" or "fit" with contacts, or goal {asked.goal!r} without contacts'
         wrong.append(("goal", asked.goal, allowed))
     if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):

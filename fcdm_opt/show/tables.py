@@ -242,8 +242,8 @@ def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> st
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
     places = [telling(problem, (span.high * direction).tolist()) for span in seen[:-1]]
     ends = [f" up to {steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
-    told = ", ".join(f"{span.state}{end}" for span, end in zip(seen, ends, strict=True))
-    return f"{told} {'beyond' if len(seen) > 1 else 'all along'}"
+    text = ", ".join(f"{span.state}{end}" for span, end in zip(seen, ends, strict=True))
+    return f"{text} {'beyond' if len(seen) > 1 else 'all along'}"
 
 
 def _question_text(scene: Scene) -> str:
