@@ -39,6 +39,10 @@ ANSWERS = 200  # of a game over sizes, after which a linear program is asked
 SAMPLES = 64  # sizes at which rows are seen to bind before any linear program is asked
 
 
+class ChangedShapeError(InputError):
+    """Tolerances within which other corners and edges meet than as drawn, in a part of too many faces to follow all."""
+
+
 class PairRows(NamedTuple):
     """The rows that bind, of one pair of parts."""
 
@@ -121,7 +125,7 @@ class TouchingSizes:
                 if factor >= 1.0:
                     continue
                 if len(part.faces) > MOST_TRIPLES:
-                    raise InputError(
+                    raise ChangedShapeError(
                         f"within these tolerances {where} is reached, where the body changes its shape",
                         key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
                         allowed=f"up to {100.0 * factor:.4g} % of them",

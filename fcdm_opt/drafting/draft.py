@@ -6,6 +6,7 @@ import json
 import math
 import os
 import shlex
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,14 +28,15 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
-from fcdm_opt.geometry.naming import ROUND_KINDS, described_faces, names_of_rows
+from fcdm_opt.geometry.naming import ROUND, ROUND_KINDS, described_faces, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
 from fcdm_opt.geometry.size import Size, direction
+from fcdm_opt.geometry.tessellation import TESSELLATED
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
 from fcdm_opt.model.mesh_error import with_mesh_error
 from fcdm_opt.motion.motions import XYZ, Free, Motion, Rotation, Translation
-from fcdm_opt.problem.fit import FAR, verdict
+from fcdm_opt.problem.fit import FAR, MATING, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
@@ -57,7 +59,6 @@ UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: 
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 DRAWN_TO = 1e-9  # of a part's size: what files of coordinates in single precision, or integrals over them, leave of 0
-MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
 WHY = {
     "touch": "the parts made touch, by whatever features meet first",
@@ -207,6 +208,7 @@ def _template(filters: dict[str, Callable[..., str]]) -> Any:
         loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
     made.filters |= filters | {"motion": motion_entry, "point": point, "shown": shown}
+    made.tests["rounded"] = round_surfaces
     made.tests["about_parts"] = lambda note: note.startswith("one part: ") or CUT in note
     made.filters |= {"sizes": sizes, "toml": toml, "wrapped": partial(wrap, width=110)}
     made.tests |= {
@@ -286,6 +288,12 @@ def _because(situation: Situation, choice: Choice) -> str:
         why = ONE_WAY.format(_places(len(situation.places)), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
+    touched = " ".join(situation.places).replace(" of radius ", " radius ")
+    for wall in (own for body in (situation.movable, situation.static) for own in round_faces(body)):
+        cosine, sine = wall.surface.line or (1.0, 0.0)
+        if sine and wall.name in touched and choice.motion.steps == (Translation(named(wall.surface.axis)),):
+            times = f"{abs(cosine / sine) / 2.0:.3g}"
+            return f"{why}; a diameter of this cone larger or smaller by x moves it {times} x, x / (2 tan(half angle))"
     return why
 
 
@@ -391,7 +399,7 @@ def _offered(bodies: Sequence[Body], along: Any) -> list[tuple[str, tuple[str, .
     As the diameters of a pin and its bore, and not those of what stands free; else what the contact moves by.
     """
     found = [widths(body) for body in bodies]
-    values = [[(own[3], float(own[2].split(" of ")[0].split()[-1])) for own in sizes] for sizes in found]
+    values = [[(own[3], float(own[2].rsplit(" of ", 1)[0].split()[-1])) for own in sizes] for sizes in found]
 
     def off(side: int, k: int) -> tuple[float, bool]:
         each, value = values[side][k]
@@ -426,8 +434,8 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
     found, known = list[tuple[tuple[str, ...], str, str, float]](), set[tuple[int, ...]]()
 
-    def offered(faces: tuple[str, ...], width: float, name: str, what: str) -> bool:
-        each = 0.5 if width > 0.0 else -0.5
+    def offered(faces: tuple[str, ...], width: float, name: str, what: str, each: float = 0.5) -> bool:
+        each = math.copysign(each, width)
         asked = Size("width", "movable", faces=faces, each=each)
         try:
             Resizing.of(body, [asked])
@@ -455,6 +463,16 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
         if np.abs(normals[i] + normals[j]).max() <= DEFAULT.nominal
         and any(_lie_over(body, *pair) for pair in product(made[i], made[j]))
     ]
+    for wall in (own for own in round_faces(body) if own.surface.line == (1.0, 0.0)):
+        edges, inside = {pair for face in wall.faces for pair in combinations(face, 2)}, wall.name.startswith("bore")
+        for k in made:
+            off = float(normals[k] @ (points[k] - wall.surface.origin)) * (-1.0 if inside else 1.0)
+            flat = abs(normals[k] @ wall.surface.axis) <= DEFAULT.nominal
+            flat &= 0.0 < off < (1.0 - ROUND) * wall.surface.radius
+            opposite = any(k in ends and (width < 0.0) == inside for width, *ends in over)
+            if flat and not opposite and any(pair in edges for pair in combinations(body.faces[k], 2)):
+                text = f"from the axis of its {wall.name.split()[0]} to its flat F{k + 1}, {off:.6g}"
+                offered((f"F{k + 1}",), -off if inside else off, f"flat F{k + 1}", text, each=1.0)
     nearest = dict[tuple[int, bool], float]()
     for width, *ends in sorted(over, key=lambda own: -abs(own[0])):
         nearest.update({(end, width > 0.0): abs(width) for end in ends})
@@ -502,8 +520,11 @@ def _extent(body: Body, unit: str) -> str:
 
 
 def _round_ones(body: Body) -> str:
-    """Return which round faces a body is told to have, see `rounded`."""
-    return _listed([*dict.fromkeys(own for own in names_of_rows(body) if " radius " in own and round_surfaces(body))])
+    """Return which round faces a body has or may be told to have, see `rounded`, each with how many facets it has."""
+    known = round_surfaces(body) or may_be_rounded(body)
+    counts = Counter(own for own in names_of_rows(body) if " radius " in own and known)
+    of_step = any(note.startswith(TESSELLATED) for note in body.notes)
+    return _listed([name if of_step else f"{name} ({count} facets)" for name, count in counts.items()], longest=LONGEST)
 
 
 def _relative(mesh: Path, file: Path) -> str:

@@ -531,9 +531,9 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
 
 
 def rounding_line(bodies: Sequence[Body]) -> str:
-    """Return which line of a file, or call, takes facets for round faces; "" where nothing does."""
+    """Return which line of a file takes facets for round faces, as `Body.rounded` does; "" where nothing does."""
     names = " and of ".join(dict.fromkeys(body.name or "the part" for body in bodies if may_be_rounded(body)))
-    line = f'a line "round = true" below the "file" of {names}, from Python body.rounded(), takes them as round'
+    line = f'a line "round = true" below the "file" of {names} takes facets as round walls'
     return line if names else ""
 
 

@@ -434,11 +434,14 @@ def side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
 
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> Round | None:
-    """Return what facets around an axis, or a point, are: None where their corners are not as far from it."""
-    own = {v for face in faces for v in face}
+    """Return what facets around an axis, or a point, are: None where corners between them are not as far from it."""
+    shared = Counter(v for face in faces for v in face)
+    own = {*shared}
     if axis is None:  # where a sphere is cut off, corners lie on its facets' edges
         rim = {v for face in {*body.faces} - {*faces} for v in face}
         own = own - rim if len(own - rim) >= MANY else own
+    else:  # a flat may cut a cylinder off within its last facets
+        own = {v for v in own if shared[v] > 1}
     corners = body.vertices[np.array(sorted(own)) - 1]
     looks = np.array([normals[face] for face in faces])
     if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
@@ -458,6 +461,9 @@ def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: A
         arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
         if (np.abs((arms * looks).sum(axis=1)) < STEEP * np.linalg.norm(arms, axis=1)).any():
             return None
+    else:
+        near = np.abs(np.linalg.norm(body.vertices @ flat.T - centre, axis=1) - radius) <= ROUND * radius
+        faces = [face for face in faces if near[np.array(face) - 1].all()]
     outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
     if len(outward) != 1:
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,7 @@ LINE_TO_LINE = "drawn line to line"
 NEARLY = 1e-4  # of a width: what lacks is said, as both widths look alike
 AS_WIDE = 1e-6  # of a width: what lacks is where a search ended, and no dimension
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
+MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
@@ -544,6 +545,25 @@ def _round_widths(
         normal = line / long
     widths = float(normal @ apart[0]) + thick[0], thick[1] - float(normal @ apart[1])
     return widths[found.inside], -widths[1 - found.inside]
+
+
+def mating_cylinders(bodies: tuple[Body, Body]) -> list[tuple[Round, Round]]:
+    """Return the round walls of two bodies, a bore and a cylinder, of which one is around the other as drawn.
+
+    Their axes are parallel and no farther apart than their radii, which are nearly alike; the first is of body 1.
+    """
+    found, walls = list[tuple[Round, Round]](), [[*filter(_is_cylinder, round_faces(body))] for body in bodies]
+    for pair in product(walls[0], walls[1]):
+        (one, two), axis = (own.surface for own in pair), pair[0].surface.axis
+        off, room = one.origin - two.origin, abs(one.radius - two.radius)
+        rows = (np.unique(np.concatenate(own.faces)) - 1 for own in pair)
+        heights = (body.vertices[own] @ axis for body, own in zip(bodies, rows, strict=True))
+        (low, high), (least, most) = ((own.min(), own.max()) for own in heights)
+        coaxial = norms(np.cross(axis, two.axis)) <= DEFAULT.side and low < most and least < high
+        near = norms(off - (off @ axis) * axis) <= room + DEFAULT.snap * bodies[0].size
+        if coaxial and near and room <= MATING * max(one.radius, two.radius) and _side(pair[0]) != _side(pair[1]):
+            found.append(pair)
+    return found
 
 
 def _is_cylinder(own: Round) -> bool:

@@ -258,9 +258,18 @@ class Case(Defaults, title="Cases"):
         return given
 
 
+RESTORING_GOALS = (None, "at", "seat", "fit")
+"""Goals that restore several contacts together; without one it is "at"."""
+
+
 def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of a case and the defaults, whose tolerance goes with a requirement and not with "made"."""
+    """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made".
+
+    And whose contacts go with the goals and the pair that restore them together.
+    """
     given = {**defaults, **case}
+    if "contacts" not in case and (given.get("goal") not in RESTORING_GOALS or given.get("pair") == "clear"):
+        given.pop("contacts", None)
     if "made" in given and not {"requirement", "target"} & given.keys() and "tolerance" not in case:
         given.pop("tolerance", None)
     return given

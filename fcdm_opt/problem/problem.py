@@ -38,6 +38,7 @@ from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import (
     ARGUMENTS,
     BY_PARAMETER,
+    RESTORING_GOALS,
     Arguments,
     Case,
     Corner,
@@ -760,12 +761,11 @@ def _check_several(asked: Arguments) -> None:
     """Refuse what contacts that are restored together leave no room for."""
     if asked.contacts is None and asked.goal != "fit":
         return
-    goals = (None, "at", "seat", "fit")
     wrong: list[tuple[str, Any, str]] = []
     if asked.contacts is None:
         wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
-    if asked.goal not in goals:
-        allowed = f'"at", "seat" or "fit" with contacts, or none: changed(goal={asked.goal!r}, contacts=None)'
+    if asked.goal not in RESTORING_GOALS:
+        allowed = f'"at", "seat" or "fit" with contacts, or goal {asked.goal!r} without contacts'
         wrong.append(("goal", asked.goal, allowed))
     if asked.pair == "clear" or (asked.goal == "fit" and asked.pair == "touch"):
         wrong.append(("pair", asked.pair, '"any" with contacts: nothing overlaps in any case'))

@@ -17,6 +17,7 @@ from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
+from fcdm_opt.geometry.facet_errors import rounding_line
 from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
 from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
@@ -87,7 +88,7 @@ def listed_faces(body: Body) -> tuple[ListedFace, ...]:
 def print_faces(body: Body, role: str) -> None:
     """Print the faces of a body, as sizes name them; the facets of a cylinder, or of a torus, as one."""
     print_text(f"{role}: body '{body.name}'" if body.name != role else f"body '{role}'")
-    for told in told_solids((body,)):
+    for told in filter(None, [*told_solids((body,)), rounding_line((body,))]):
         print_text(told)
     rows, round_places, whole = [], _round_places(body), body.full_body or body
     rings = [own for own in whole.surfaces or () if own[0].ring]

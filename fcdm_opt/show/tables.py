@@ -149,6 +149,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     asked = [row.solution.problem for row in rows]
     bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
+        if text in said:
+            continue
         head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
         print_text(f"{head}{exactly}", indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
@@ -217,8 +219,9 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
             steps = ((steps_text(problem, (touch.x * direction).tolist()), touch.features) for touch in times.touches)
             at_contact = [f"at {at}, {contact_text(problem, features)}" for at, features in steps]
         print_text(f"{problem.name}: {head}", indent="   ")
-        scales = ", ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
-        made = f"parts made, sizes ({scales})" if (problem.target != 1.0).any() else "parts made"
+        scales = " and ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
+        resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
+        made = f"the parts made{resized}, moved along this"
         if isinstance(times, str):
             ends.append(f"{made}: {times}")
         else:
@@ -226,19 +229,21 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
             each |= {name if " - " in name else f"keep-out {name}": own for name, own in times.keep_outs.items()}
             ends += [f"{name}: {_spans(problem, direction, own)}" for name, own in each.items()]
             low, high = (steps_text(problem, (x * direction).tolist()) for x in times.searched)
-            ends += [f"looked at from {low} to {high}, no further"] * all(map(math.isfinite, times.searched))
+            beyond = f"searched from {low} to {high}: what is beyond is not known"
+            ends += [beyond] * all(map(math.isfinite, times.searched))
         for text in (*ends, *at_contact):
             print_text(f"- {text}", indent="  ")
     print_text()
 
 
 def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> str:
-    """Return how the parts made lie along a range: "overlapping, from TX -0.6975 apart, from TX 0.1975 overlapping"."""
+    """Return how the parts made lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
-    places = [telling(problem, (span.low * direction).tolist()) for span in seen[1:]]
-    starts = [steps_text(problem, q) if any(q) else "rest" for q in places]
-    return ", ".join([seen[0].state, *(f"from {at} {span.state}" for at, span in zip(starts, seen[1:], strict=True))])
+    places = [telling(problem, (span.high * direction).tolist()) for span in seen[:-1]]
+    ends = [f" up to {steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
+    text = ", ".join(f"{span.state}{end}" for span, end in zip(seen, ends, strict=True))
+    return f"{text} {'beyond' if len(seen) > 1 else 'all along'}"
 
 
 def _question_text(scene: Scene) -> str:

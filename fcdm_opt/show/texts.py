@@ -276,7 +276,8 @@ def _unfit(problem: Problem) -> str:
     if not widths and depth > problem.contact_slack:
         return f"as drawn, they overlap by {measured(number(depth, DIGITS), problem.unit)}"
     if LINE_TO_LINE in widths:
-        return widths
+        between = re.search(", (across|between) .*", verdict(problem))  # stands in the verdict
+        return widths.replace(between[0], "") if between else widths
     return f"nearly as drawn, {widths or 'no motion of this kind keeps them in it'}"
 
 

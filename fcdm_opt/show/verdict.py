@@ -170,7 +170,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist())
-    sizes = " while the sizes change with the motion (kept as they are, the parts part or overlap)"
+    sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
     sizes *= _across(coherent)
     told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
@@ -338,23 +338,33 @@ def labels_in_words(text: str, scene: Scene) -> str:
 
 
 def fit_text(problem: Problem) -> str:
-    """Return clearance, transition or interference of the pair as drawn, over its whole tolerance; "" without one.
+    """Return the gaps of the pair as drawn over its whole tolerance, and of diameters the fit; "" without a tolerance.
 
     None of large bodies, of which only some parts are looked at.
     """
     if problem.tolerance is None or problem.partial:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
+    from fcdm_opt.problem.fit import mating_cylinders
+
     facets = problem.of_facets
     low, high, of_facets = _drawn_gaps(facets.movable, facets.static, tuple(ends.ravel().tolist()))
     slack = problem.contact_slack
-    kind = "clearance" if low > slack else "interference" if high < -slack else "transition"
     told = [
         f"{length_text(problem, abs(gap))} {'apart' if gap > slack else 'overlapping' if gap < -slack else 'touching'}"
         for gap in (low, high)
     ]
     between = " (between facets)" if of_facets else ""
-    return f"unmoved, over the whole tolerance: {kind} fit, from {told[0]} to {told[1]}{between}"
+    fits = [f"unmoved, over the whole tolerance: from {told[0]} to {told[1]}{between}"]
+    for pair in mating_cylinders((facets.movable, facets.static)):
+        inside = int(pair[0].name.startswith("bore"))
+        room, thick = (2.0 * pair[k].surface.radius * ends[k] for k in (1 - inside, inside))
+        play = room[0] - thick[1], room[1] - thick[0]
+        kind = "clearance" if play[0] > slack else "interference" if play[1] < -slack else "transition"
+        shown = [f"{length_text(problem, abs(own))} {'interference' if own < 0.0 else 'clearance'}" for own in play]
+        walls = " in ".join(pair[k].name.replace(" radius ", " of radius ") for k in (inside, 1 - inside))
+        fits.append(f"{walls}: {kind} fit, from {shown[0]} to {shown[1]} in diameter")
+    return "; ".join(dict.fromkeys(fits))
 
 
 @lru_cache(maxsize=4)  # the cases of a file have the same parts

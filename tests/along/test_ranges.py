@@ -449,7 +449,7 @@ def test_nothing_was_said_to_end_the_contact_of_a_plug_on_its_seat():
     across = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("z"), **asked))
     assert (across.low, across.high) == pytest.approx((-1.25, 0.625))
     head, down, up = range_texts(across)
-    assert "while the sizes change with the motion (kept as they are, the parts part or overlap), until" in head
+    assert "while the sizes change with the motion (at unchanged sizes the parts come apart or overlap), until" in head
     assert down == "backwards: move 1.25 along -z; there, a size would be zero, and no other contact ends it before"
     assert up.startswith("forwards: move 0.625 along +z; beyond, ")
     along = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("x"), **asked))
@@ -480,7 +480,7 @@ def test_parts_drawn_with_play_were_refused_in_words_of_decision_curves():
     boxes = run("range", PROBLEMS / "boxes.toml", "--case", "close the gap")
     assert boxes.exit_code == 0
     assert "as drawn the parts are 0.5 apart" in boxes.stdout
-    assert "apart, from TX 0.5 overlapping, from TX 2 apart" in boxes.stdout
+    assert "apart up to TX 0.5, overlapping up to TX 2, apart beyond" in boxes.stdout
     assert "- at TX 0.5, its right face (facing +x) lies on the left face (facing -x) of plate" in boxes.stdout
 
 

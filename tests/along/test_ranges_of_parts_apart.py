@@ -57,7 +57,7 @@ def test_range_tells_along_which_motions_parts_of_an_assembly_touch(tmp_path, ri
     told = " ".join(result.stdout.split())
     assert result.exit_code == 0
     assert "left - block: as drawn the parts are 0.3 mm apart" in told
-    assert "apart, from left.TX 0.3 mm, right.TX -0.3 mm overlapping" in told
+    assert "apart up to left.TX 0.3 mm, right.TX -0.3 mm, overlapping" in told
     assert "at left.TX 5 mm, right.TX -5 mm, its left face (facing -x) lies on the right face (facing +x)" in told
     assert ("right - block: as drawn the parts are 0.2 mm apart" in told) == (right > 0.0)
     assert CliRunner().invoke(app, [*asked, "--json"], catch_exceptions=False).exit_code == 0

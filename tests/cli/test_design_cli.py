@@ -367,7 +367,7 @@ def test_assemblies_tell_where_parts_made_touch_and_what_whole_steps_leave_open(
     """The range was that of parts as drawn, from 0; every contact was "closed" that steps leave .2 open."""
     (tmp_path / "two.toml").write_text(RAISED)
     told = " ".join(run("range", tmp_path / "two.toml")[1].split())
-    assert "overlapping, from block.TZ 0.3 apart" in told
+    assert "overlapping up to block.TZ 0.3, apart beyond" in told
     told = " ".join(run("solve", tmp_path / "two.toml")[1].split())
     assert "every contact is closed" not in told
     assert "open by no more than" in told

@@ -545,3 +545,45 @@ def test_what_touches_as_drawn_is_told_of_round_faces_wherever_their_facets_are(
     shaft = fo.Cylinder(15, 80, base=(0, 0, -20), facets=40, name="shaft")
     words = "the parts touch: bore of radius 15 of hub at cylinder of radius 15 of shaft"
     assert state_text(Situation(hub, shaft), "mm") == words
+
+
+def test_a_round_wall_beside_faces_that_are_none_is_told_with_its_facets(tmp_path: Path) -> None:
+    """A bead around the hub is no cylinder: the hub's facets are kept, and its bore was not told to be round."""
+    bead = trimesh.creation.torus(20.0, 3.0, major_sections=32, minor_sections=16)
+    hub = trimesh.boolean.union([trimesh.creation.cylinder(radius=20.0, height=20.0, sections=32), bead])
+    hub = trimesh.boolean.difference([hub, trimesh.creation.cylinder(radius=10.0, height=30.0, sections=24)])
+    hub.export(tmp_path / "hub.stl")
+    trimesh.creation.cylinder(radius=9.9, height=40.0, sections=24).export(tmp_path / "pin.stl")
+    text, path = drafted(tmp_path / "pin.stl", tmp_path / "hub.stl", tmp_path)
+    assert "\nround = true  # cylinder radius 9.9 (24 facets): false takes" in text
+    assert re.search(r"\n#round = true  # cylinder radius 20 no. 1 \(32 facets\).*: true takes them for round", text)
+    line = 'a line "round = true" below the "file" of hub'
+    assert line in re.sub(r"\s+", " ", run("faces", path).output)
+
+
+def test_a_taper_tells_how_much_farther_than_its_diameter_a_part_moves(tmp_path: Path) -> None:
+    """Radii 8 at z = 0 and 9 at z = 40: tan(half angle) is 1/40, and x of the diameter is 20 x along the axis."""
+
+    def frustum(low: float, high: float) -> Any:
+        angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        rings = [
+            ((8.0 + z / 40.0) * np.cos(angles), (8.0 + z / 40.0) * np.sin(angles), 0.0 * angles + z)
+            for z in (low, high)
+        ]
+        return trimesh.convex.convex_hull(np.hstack(rings).T)
+
+    frustum(0.0, 40.0).export(tmp_path / "plug.stl")
+    block = trimesh.creation.box(bounds=((-15.0, -15.0, 5.0), (15.0, 15.0, 35.0)))
+    trimesh.boolean.difference([block, frustum(-1.0, 41.0)]).export(tmp_path / "socket.stl")
+    text, _ = drafted(tmp_path / "plug.stl", tmp_path / "socket.stl", tmp_path)
+    assert "by x moves it 20 x, x / (2 tan(half angle))" in text
+
+
+def test_solids_of_one_file_are_told_once(tmp_path: Path) -> None:
+    """They stood as a remark on every case, and again among the notes on bodies."""
+    one, scene = trimesh.creation.box((1.0, 1.0, 1.0)), trimesh.Scene()
+    scene.add_geometry(one, node_name="one")
+    scene.add_geometry(one.copy().apply_translation((3.0, 0.0, 0.0)), node_name="two")
+    scene.export(tmp_path / "pair.glb")
+    _, path = drafted(tmp_path / "pair.glb", box(tmp_path / "plate.off", (10.0, 10.0, 1.0), (0.0, 0.0, -1.0)), tmp_path)
+    assert run("solve", path).stdout.count("2 solids in the file") == 1

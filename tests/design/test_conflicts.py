@@ -324,7 +324,7 @@ def test_where_the_motion_alone_cannot_do_it_other_motions_and_goals_are_tried()
     assert found.clashes[0].proved
     assert found.relaxations == ()
     tried = {trial.change: trial.solution.usable for trial in found.trials}
-    assert tried == {"motion Free()": True, 'goal "clear"': True}
+    assert tried == {"motion free = true": True, 'goal "clear"': True}
     assert "the motion alone cannot" in str(found)
 
 

@@ -250,3 +250,16 @@ def test_a_pin_that_goes_either_way_in_a_long_plate():
     for s in (-0.06, -0.01, 0.0, 0.03, 0.06):
         assert stack.gap({"spacing": s}) == pytest.approx(0.02 - abs(s), abs=1e-6)
     assert fo.verify(stack).passed
+
+
+def test_tolerances_of_balls_that_solve_takes_were_refused_by_the_stack_up() -> None:
+    """Three balls of 3 on a floor, their radii +-.05 each: the gap goes from -.05, one larger, to .05, all smaller."""
+    balls = [fo.Sphere(3, centre=(x, y, 3)) for x, y in ((-20, -10), (20, -10), (0, 20))]
+    tripod = fo.joined(fo.Box((60, 50, 3), centre=(0, 0, 7)), *balls, name="tripod")
+    floor = fo.Box((80, 80, 4), centre=(0, 0, -2), name="floor")
+    faces = [f"sphere radius 3 no. {k}" for k in (1, 2, 3)]
+    sizes = [fo.Size(face[-1], "movable", faces=[face], each=1.0, tolerance=0.05) for face in faces]
+    motion = fo.Translation("z")
+    stack = fo.stack_up(fo.Problem(tripod, floor, sizes=sizes, made={"1": 0.03}, goal="touch", motion=motion))
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([-0.05, 0.05], abs=1e-9)
+    assert fo.verify(stack).passed

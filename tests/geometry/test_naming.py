@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fcdm_opt import Body, Problem, Size, Translation, decision_curve, solve, stack_up
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.drafting.draft import widths
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
@@ -294,3 +295,28 @@ def test_what_goes_on_from_a_wall_that_moves_is_named() -> None:
     assert re.fullmatch(r"(face F\d+,? ){2}move, and (face F\d+, ){4}which go on from there, do not", told)
     with pytest.raises(InputError, match="nothing may be left of a piece that is cut off body 'block'"):
         stack_up(asked.changed(sizes=[replace(place, tolerance=0.1)]))
+
+
+@pytest.mark.parametrize(("radius", "flat", "count"), [(8.05, 6.05, 48), (10.0, 8.0, 128), (9.9, 7.9, 128)])
+@pytest.mark.parametrize("inside", [False, True], ids=["shaft", "hub"])
+def test_a_flat_that_cuts_through_facets_left_a_round_wall_without_its_cylinder(
+    tmp_path: Path, radius: float, flat: float, count: int, inside: bool
+) -> None:
+    """Whole facets have both corners below the flat; the two that it cuts have one, and stand for the wall too."""
+    cylinder = trimesh.creation.cylinder(radius=radius, height=40.0, sections=count)
+    above = trimesh.creation.box(bounds=((-20.0, flat, -30.0), (20.0, 20.0, 30.0)))
+    shaft = trimesh.boolean.difference([cylinder, above])
+    block = trimesh.creation.box(bounds=((-20.0, -20.0, 0.0), (20.0, 20.0, 15.0)))
+    (trimesh.boolean.difference([block, shaft]) if inside else shaft).export(tmp_path / "part.stl")
+    body = Body.from_file(tmp_path / "part.stl", unit="mm")
+    angles = 2.0 * np.pi * np.arange(count) / count
+    whole = sum(np.sin(a) * radius < flat and np.sin(a + angles[1]) * radius < flat for a in angles)
+    names = Counter(names_of_faces(body).values())
+    assert names[f"{'bore' if inside else 'cylinder'} radius {radius:g}"] == whole + 2
+    assert all_recognised(body.rounded())
+    offered = {name: (faces, each) for faces, name, _, each in widths(body)}
+    normals, points = body.face_planes
+    (k,) = np.flatnonzero((np.abs(normals[:, 1]) > 1.0 - 1e-9) & (np.abs(points[:, 1] - flat) < 1e-5))
+    assert offered[f"flat F{k + 1}"] == ((f"F{k + 1}",), -1.0 if inside else 1.0)
+    assert offered[f"{'bore' if inside else 'cylinder'} diameter {2.0 * radius:g}"][1] == (-0.5 if inside else 0.5)
+    assert not any("slanted" in what for _, _, what, _ in widths(body))

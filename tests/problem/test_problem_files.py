@@ -719,3 +719,17 @@ def test_a_bad_keep_out_names_file_and_key(
     meshes: Path, old: str, new: str, key: str, found: str, allowed: str
 ) -> None:
     refused_after(meshes, BODIES + RIB + CASE, (old, new), key, found, allowed)
+
+
+def test_contacts_of_the_defaults_were_refused_by_cases_of_other_goals(tmp_path: Path) -> None:
+    """They hold where they apply; of a case itself they are refused."""
+    text, path = (PROBLEMS / "locating.toml").read_text(), tmp_path / "p.toml"
+    case = '\n[[case]]\nname = "{0}"\nrequirement = "A"\ngoal = "{0}"\n'
+    goals = ("touch", "clear", "at")
+    path.write_text(text + "".join(map(case.format, goals)))
+    contacts = {own.name: own.contacts for own in load_problems(path)}
+    assert {name: bool(contacts[name]) for name in goals} == {"touch": False, "clear": False, "at": True}
+    path.write_text(text + case.format("clear") + 'contacts = "all"\n')
+    with pytest.raises(InputError, match=r"'clear'\.goal: does not go with contacts") as refused:
+        load_problems(path)
+    assert "changed(" not in str(refused.value)

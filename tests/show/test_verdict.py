@@ -166,14 +166,28 @@ def test_every_face_edge_and_corner_has_words() -> None:
     assert told_element(body, Element("E", edge)).startswith("edge between ")
 
 
-@pytest.mark.parametrize(("off", "kind"), [(0.0, "transition"), (0.5, "clearance"), (-0.5, "interference")])
-def test_fit_over_the_whole_tolerance(off: float, kind: str) -> None:
+@pytest.mark.parametrize("off", [0.0, 0.5, -0.5])
+def test_gaps_over_the_whole_tolerance(off: float) -> None:
     """Two cubes of 2 and 4, 1 % each: the gap goes from off - .03 to off + .03."""
     one, two = cube("one", 2.0), cube("two", 4.0, (3.0 + off, 0.0, 0.0))
     problem = fo.Problem(one, two, tolerance=0.01, requirement="A", goal="clear", motion=fo.Translation("x"), unit="mm")
     words = {True: "apart", False: "overlapping"}
     ends = [f"{abs(off + s * 0.03):.4g} mm {words[off + s * 0.03 > 0]}" for s in (-1.0, 1.0)]
-    assert fit_text(problem) == f"unmoved, over the whole tolerance: {kind} fit, from {ends[0]} to {ends[1]}"
+    assert fit_text(problem) == f"unmoved, over the whole tolerance: from {ends[0]} to {ends[1]}"
+
+
+@pytest.mark.parametrize(("radius", "kind"), [(9.9, "transition"), (9.6, "clearance"), (10.4, "interference")])
+def test_a_fit_was_called_after_an_overlap_at_the_shoulder(radius: float, kind: str) -> None:
+    """A hub of bore 20 on a shaft's shoulder, 1 % each: diameters differ by 20 (1 -+ .01) - 2 r (1 +- .01)."""
+    hub = fo.cut(fo.Cylinder(20, 25), fo.Cylinder(10, 30, base=(0, 0, -1)), name="hub")
+    shaft = fo.joined(fo.Cylinder(15, 10, base=(0, 0, -10)), fo.Cylinder(radius, 40, base=(0, 0, -10)), name="shaft")
+    motion = fo.Translation("z")
+    problem = fo.Problem(hub, shaft, tolerance=0.01, requirement="B", goal="clear", motion=motion, unit="mm")
+    play = [20.0 * (1.0 + s * 0.01) - 2.0 * radius * (1.0 - s * 0.01) for s in (-1.0, 1.0)]
+    ends = " to ".join(f"{abs(own):.4g} mm {'clearance' if own > 0.0 else 'interference'}" for own in play)
+    gaps, fit = fit_text(problem).split("; ")
+    assert "fit" not in gaps
+    assert fit == f"cylinder of radius {radius:g} in bore of radius 10: {kind} fit, from {ends} in diameter"
 
 
 def test_results_say_what_they_are_on_one_line() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import TouchingSizes
+from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes
 from fcdm_opt.curve.true_sizes import touching_true_faces, widened
 from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
@@ -439,8 +439,9 @@ def stack_up(
 
     Contacts that are closed whatever the sizes are, as a flange on its plate, say nothing of them: the gap is that of
     all others, and `StackUp.standing` names them. What the problem's goal makes of them plays no part: of contacts that
-    it restores together too the gap is the least. Of bodies kept as surfaces, and of scales that turn faces, contacts
-    as drawn are looked at, each along its normal.
+    it restores together too the gap is the least. Of bodies kept as surfaces, of scales that turn faces, and of round
+    parts of many facets whose edges meet otherwise within the tolerances, contacts as drawn are looked at, each along
+    its normal.
 
     Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
     contacts closed by motions, which must only shift. Of several such motions the least are taken, by their weights:
@@ -476,6 +477,12 @@ def stack_up(
         loop = pair_loop(problem, rigid_transform(pose))
     else:
         drawn = problem.request["movable"], problem.request["static"]
-        touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
-        return StackUp(touching, between, problem.unit, None, keep_out)
+        try:
+            touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
+            return StackUp(touching, between, problem.unit, None, keep_out)
+        except ChangedShapeError as refused:
+            try:
+                loop = pair_loop(problem, rigid_transform(pose))
+            except InputError:
+                raise refused from None
     return StackUp(loop.touching, between, problem.unit, loop, keep_out)

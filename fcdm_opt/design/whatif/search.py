@@ -428,11 +428,11 @@ class ClashSearch:
             motions = dict.fromkeys(bare.motions, Free())
             if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
                 free = bare.changed(motions=motions, amount="weighted")
-                yield Trial(change="all motions Free()", solution=self.solved(free))
+                yield Trial(change="all motions free = true", solution=self.solved(free))
             return
         given = {"weights": None, "published": None, "amount": "weighted"}
         if self.problem.motion.parameters != Free().parameters:
-            yield Trial(change="motion Free()", solution=self.solved(bare.changed(motion=Free(), **given)))
+            yield Trial(change="motion free = true", solution=self.solved(bare.changed(motion=Free(), **given)))
         for goal in ("touch", "clear"):
             if goal != self.problem.goal:
                 yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, contacts=None)))
