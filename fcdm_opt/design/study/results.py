@@ -51,7 +51,7 @@ class Share(NamedTuple):
     share : float
         Of the points that were worked out; failures count as not within.
     interval : tuple of float
-        Clopper and Pearson's, at least as wide as independent random draws need it; Latin hypercube draws need less.
+        Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs.
     within, of : int
         Points.
     confidence, budget : float
@@ -170,8 +170,12 @@ class StudyResult(NotebookRepr, Plain):
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        interval = proportion_interval(within, len(found), CONFIDENCE)
+        interval = proportion_interval(within, len(found), CONFIDENCE, independent=not self._of_latin_hypercube)
         return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
+
+    @property
+    def _of_latin_hypercube(self) -> bool:
+        return self.definition.get("sampling") == "latin hypercube" and "draw" in self.axes
 
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
@@ -187,7 +191,8 @@ class StudyResult(NotebookRepr, Plain):
             low, high = found.interval
             lines.append(
                 f"yield: {found.share:.2%} within {found.budget:g} ({found.within} of {found.of}; "
-                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%})"
+                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%}"
+                f"{', wider than a Latin hypercube needs' * self._of_latin_hypercube})"
             )
         if self.seconds:
             lines.append("seconds: " + ", ".join(f"{name} {value:.3g}" for name, value in self.seconds.items()))
