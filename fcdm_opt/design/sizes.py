@@ -252,9 +252,7 @@ def drawn_pairs(
     return drawn, f"{count} {'pairs ' * (len(given) == 2)}drawn from {' and '.join(map(str, given))}"
 
 
-def proportion_interval(
-    passed: int, count: int, confidence: float, *, independent: bool = True
-) -> tuple[float, float]:
+def proportion_interval(passed: int, count: int, confidence: float, *, independent: bool = True) -> tuple[float, float]:
     """Return Clopper and Pearson's interval of a share of which `passed` of `count` draws are known.
 
     Of a Latin hypercube, whose draws are not independent, that of one independent draw less: the share varies no more

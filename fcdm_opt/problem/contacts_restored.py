@@ -129,9 +129,9 @@ class RestoringMotion(NamedTuple):
 
 
 def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
-    """Return the least motion that restores the contacts as drawn of questions that `touching_again` answers.
+    """Return the least motion that restores contacts as drawn: `touching_again` answers, or `is_of_plane_faces` holds.
 
-    Or that are `is_of_plane_faces`. By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
+    By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
     which no smaller one does. None where it is not found.
 
     Parameters

@@ -526,12 +526,15 @@ def test_a_crate_whose_bottom_alone_varies_was_put_under_its_floor(asked: dict[s
     crate, floor = fo.Box((2, 2, 2), centre=(0, 0, 1), name="crate"), fo.Box((10, 10, 1), centre=(0, 0, -0.5))
     height = fo.Size("height", "movable", faces="-z", tolerance=(-0.02, 0.05))
     sizes = [height, fo.Size("floor", "static", faces="+z", tolerance=0.03)]
-    best = fo.best_pose(fo.Problem(crate, floor, **{"sizes": sizes, "goal": "touch", "motion": fo.Translation("z"), **asked}))
+    best = fo.best_pose(
+        fo.Problem(crate, floor, **{"sizes": sizes, "goal": "touch", "motion": fo.Translation("z"), **asked})
+    )
     assert best.passed
     assert not best.leaves_fit
     assert best.parameters["TZ"] == pytest.approx((0.08 - 0.05) / 2, abs=1e-9)
     assert best.worst_gap == pytest.approx((0.08 + 0.05) / 2, abs=1e-9)
     assert best.lower_bound <= best.worst_gap
+
 
 @pytest.mark.parametrize("clearance", [None, (0.0, math.inf)])
 def test_a_block_in_a_corner_was_left_where_it_is_when_it_may_turn(clearance: Any) -> None:

@@ -295,7 +295,7 @@ def budget(
     limit : float or None
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : "all", or sequence of letters, optional
-        Default all four, as "all" says. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
+        Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
         scales that turn faces, whose least gap is not known beforehand, and of assemblies "low" and "high". Of the
         scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
