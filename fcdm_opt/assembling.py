@@ -198,23 +198,19 @@ class _Solving:
         return met._replace(q=q, contacts=contacts)
 
     def _restored(self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]) -> _Met | None:
-        """Return how shifts meet a group whose contacts are all of true faces that touch as drawn; None for others.
-
-        Round ones among them.
-        """
+        """Return how shifts meet a group of contacts of true faces that touch as drawn, some round; None for others."""
         touching = [touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
-        both = zip(asked, rounds, strict=True)
-        known = any(rounds) and all(each is not None or is_of_plane_faces(own) for own, each in both)
-        if not known or (assembly := self._assembly).amount != "weighted":
+        plane = all(is_of_plane_faces(own) for own, each in zip(asked, rounds, strict=True) if each is None)
+        if not (plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
             return None
         found = restoring_motion(asked)
         if found is None or (found.q is None and found.bound < np.inf):
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
-            left = zip(group, found.remaining, strict=True)
-            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in left)
+            rest = zip(group, found.remaining, strict=True)
+            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in rest)
             why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
             answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))

@@ -137,20 +137,15 @@ class ContactTimes(ShortRepr, Plain):
 
     def _state_text(self, name: str, span: StateSpan) -> str:
         """Return the state of a span in words, of the parts themselves with whether they slide on each other."""
-        asked = self.problem if isinstance(self.problem, Problem) else None
+        asked = None if isinstance(self.problem, Assembly) or name in self.keep_outs else self.problem
         if isinstance(self.problem, Assembly):
             asked = {" - ".join(pair): own for pair, own in self.problem.questions.items()}.get(name)
-        elif name in self.keep_outs:
-            asked = None
         if asked is None or span.state != "apart" or not math.isfinite(span.high - span.low):
             return span.state
-        slides = list[bool]()
-        for share in LOOKED_AT:
-            q = (span.low + share * (span.high - span.low)) * self.direction
-            pose = asked.motion.transform(q, asked.movable.seed, asked.static.seed)
-            pair = asked.target if np.isnan(self.pair).any() else self.pair
-            solids = PlacedSolids(asked.movable, asked.static, pair, pose)
-            slides.append(not solids.nested and solids.distance <= asked.contact_slack)
+        pair, bodies = asked.target if np.isnan(self.pair).any() else self.pair, (asked.movable, asked.static)
+        places = (span.low + share * (span.high - span.low) for share in LOOKED_AT)
+        poses = [asked.motion.transform(x * self.direction, *(own.seed for own in bodies)) for x in places]
+        slides = [PlacedSolids(*bodies, pair, pose).distance <= asked.contact_slack for pose in poses]
         return "in contact" if all(slides) else "apart or in contact" if any(slides) else span.state
 
     @property

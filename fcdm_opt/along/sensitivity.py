@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -70,8 +71,11 @@ def sensitivity(solution: Solution) -> Sensitivity:
     near = BALANCED if holding.round else DEFAULT.stationary
     even = [balance for balance in balances if balance.residual <= near] or [best]
     only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # of a fit gaps differ
-    ties, tied = ([], []) if only else _ties(problem, task, q)
-    reasons = [*holding.reasons, *ties]
+    others = [] if only else _ties(problem, task, q)
+    tied = [end for amount, end in others if amount >= task.amount(q) * (1.0 - DEFAULT.tied)]
+    reasons = [*holding.reasons, *["a tie: another motion is as small"] * bool(tied)]
+    if len(tied) < len(others):
+        reasons.append(f"not the least motion: there is one of amount {number_text(min(others, key=itemgetter(0))[0])}")
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
     if problem.resolution is not None:
@@ -204,23 +208,16 @@ def _named(constraints: Sequence[Rate], place: int) -> str:
     return f"{name} ({count + 1})" if count else name
 
 
-def _ties(problem: Problem, task: Task, q: Array) -> tuple[list[str], list[Array]]:
-    """Return why the motion is not the one least motion: others, some way off, that are as small, or smaller.
+def _ties(problem: Problem, task: Task, q: Array) -> list[tuple[float, Array]]:
+    """Return other motions, some way off, that are as small, or smaller, with their amounts.
 
-    And those that are as small. What is not found in `SECONDS` is taken for not there.
+    What is not found in `SECONDS` is taken for not there.
     """
     pacing.at("looking whether another motion is as small")
-    reasons, tied = list[str](), list[Array]()
+    found = list[tuple[float, Array]]()
     with suppress(pacing.TimeOverError), pacing.within(SECONDS):
-        for other, end in _other_motions(problem, task, q):
-            smaller = other < task.amount(q) * (1.0 - DEFAULT.tied)
-            reasons.append(
-                f"not the least motion: there is one of amount {number_text(other)}"
-                if smaller
-                else "a tie: another motion is as small"
-            )
-            tied += [] if smaller else [end]
-    return reasons, tied
+        found.extend(_other_motions(problem, task, q))
+    return found
 
 
 def _other_motions(problem: Problem, task: Task, q: Array) -> Iterator[tuple[float, Array]]:
@@ -259,12 +256,7 @@ def _least(problem: Problem, limits: Array, most: float) -> Array | None:
 
 
 def _made(
-    problem: Problem,
-    task: Task,
-    q: Array | None,
-    balance: _Balance,
-    reasons: Sequence[str],
-    tied: Sequence[Array] = (),
+    problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str], tied: Sequence[Array] = ()
 ) -> Sensitivity:
     """Return the derivatives by what the user gives, from those by what the task has; `tied` are motions as small."""
     layout, reasons, names = Layout.of(task), list(reasons), task.motion.names

@@ -164,14 +164,14 @@ def _from(
 
     With the `balls` of each question for motions that turn, else without.
     """
-    first, turns = asked[0], bool(balls)
+    first, turns, found = asked[0], bool(balls), [*map(len, before)]
     for _ in range(MORE_ROUNDS if turns else ROUNDS):
         q, points = y / first.weights, list[list[NearestPoints]]()
         if turns:
             each = [_rows_of_balls(*own, q) for own in zip(asked, balls, strict=True)]
         else:
             points = [_points_at(*own, q) for own in zip(asked, before, strict=True)]
-            if not _found_all(points, before):
+            if [*map(len, points)] != found:
                 return None
             each = [_rows_of_points(*own, q) for own in zip(asked, points, strict=True)]
         gaps, slopes, plane = (np.array(column) for column in zip(*sum(each, Rows()), strict=True))
@@ -184,17 +184,13 @@ def _from(
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
-            return RestoringMotion(q, points, bound) if inside and _found_all(points, before) else None
+            return RestoringMotion(q, points, bound) if inside and [*map(len, points)] == found else None
         remaining = gaps + slopes @ (further - y)
         if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):
             rest = tuple(np.split(remaining, np.cumsum([len(rows) for rows in each])[:-1]))
             return RestoringMotion(None, points, np.inf, further / first.weights, rest) if plane.all() else None
         y = further
     return None
-
-
-def _found_all(points: Sequence[list[NearestPoints]], before: Sequence[list[Pairs]]) -> bool:
-    return [*map(len, points)] == [*map(len, before)]
 
 
 def _points_at(problem: Problem, before: Sequence[Pairs], q: Array) -> list[NearestPoints]:

@@ -575,7 +575,7 @@ def test_a_collar_whose_shank_is_far_too_thick_was_left_open_by_the_mesh() -> No
 
 @pytest.mark.parametrize("goal", ["at", "seat"])
 def test_a_keep_out_that_is_clear_left_what_true_parts_need_unknown(goal: str) -> None:
-    """A block with a bore, made 0.02 too small beside a wall, moves 0.02; a shaft that stops it earlier is none such."""
+    """A block with a bore, made 0.02 too small beside a wall, moves 0.02; stops are clear of it, or not known to be."""
     room, space = fo.Box((60, 40, 20), centre=(10, 0, 0)), fo.Box((60, 60, 20), centre=(30, 0, 10))
     block = fo.cut(fo.Box((10, 10, 10), centre=(5, 0, 5)), fo.Cylinder(2, 20, base=(5, 0, -5), facets=24), name="block")
     size = fo.Size("left", "movable", faces=["-x"], tolerance=0.05)
@@ -585,7 +585,7 @@ def test_a_keep_out_that_is_clear_left_what_true_parts_need_unknown(goal: str) -
         found = fo.solve(problem.changed(keep_out=[stop]))
         assert found.amount_low == found.amount_high == found.amount == pytest.approx(0.02, abs=1e-9)
         assert "smallest possible (proved)" in str(found)
-    drum = np.vstack([ring(1.0, 24, z, 0.5) + [11.017, 0.0, 0.0] for z in (3.0, 7.0)])
+    drum = np.vstack([ring(1.0, 24, z, 0.5) + np.array([11.017, 0.0, 0.0]) for z in (3.0, 7.0)])
     near = fo.solve(problem.changed(keep_out=[fo.Body.convex(drum, name="drum")]))
     assert near.usable
     assert math.isnan(near.amount_low)  # the facets are clear of the block by 0.006, the drum overlaps it by 0.003

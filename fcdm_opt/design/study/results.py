@@ -170,12 +170,9 @@ class StudyResult(NotebookRepr, Plain):
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        interval = proportion_interval(within, len(found), CONFIDENCE, independent=not self._of_latin_hypercube)
+        independent = self.definition.get("sampling") != "latin hypercube" or "draw" not in self.axes
+        interval = proportion_interval(within, len(found), CONFIDENCE, independent=independent)
         return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
-
-    @property
-    def _of_latin_hypercube(self) -> bool:
-        return self.definition.get("sampling") == "latin hypercube" and "draw" in self.axes
 
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status}" for status, count in self.counts.items()) or "none"
@@ -191,8 +188,7 @@ class StudyResult(NotebookRepr, Plain):
             low, high = found.interval
             lines.append(
                 f"yield: {found.share:.2%} within {found.budget:g} ({found.within} of {found.of}; "
-                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%}"
-                f"{', wider than a Latin hypercube needs' * self._of_latin_hypercube})"
+                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%})"
             )
         if self.seconds:
             lines.append("seconds: " + ", ".join(f"{name} {value:.3g}" for name, value in self.seconds.items()))
