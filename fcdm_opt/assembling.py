@@ -28,7 +28,7 @@ from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.contacts_restored import RESTORED, restoring_motion, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, is_of_plane_faces, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
@@ -180,29 +180,31 @@ class _Solving:
         return met._replace(q=q, contacts=contacts)
 
     def _restored(self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]) -> _Met | None:
-        """Return how shifts meet a group whose contacts are all of true faces that touch as drawn; None for others."""
+        """Return how shifts meet a group of contacts of true faces that touch as drawn, some round; None for others."""
         touching = [touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
-        exchanges = [own for own in rounds if own is not None]
-        if len(exchanges) < len(group) or (assembly := self._assembly).amount != "weighted":
+        plane = all(is_of_plane_faces(own) for own, each in zip(asked, rounds, strict=True) if each is None)
+        if not (plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
             return None
         found = restoring_motion(asked)
         if found is None or (found.q is None and found.bound < np.inf):
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
-            both = zip(group, found.remaining, strict=True)
-            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in both)
+            rest = zip(group, found.remaining, strict=True)
+            gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in rest)
             why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
             answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
-        for own, points in zip(exchanges, found.points, strict=True):
-            own.add(points)
+        for own, points in zip(rounds, found.points, strict=True):
+            if own is not None:
+                own.add(points)
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
         known = not self._prove or all(own.motion.shifts for own in asked)
         bound = min(found.bound if known else least_restoring(asked, found.q, amount), amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
-        met = self._moved(group, parts, [own.problem for own in exchanges], answer)
+        problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
+        met = self._moved(group, parts, problems, answer)
         return met._replace(open_=(bound, amount))
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:

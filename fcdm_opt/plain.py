@@ -176,7 +176,7 @@ def _read(kind: Any, told: Any) -> Any:
         if hasattr(kind, way):
             return getattr(kind, way)(told)
     if kind is float:
-        return math.nan if told is None else float(told)
+        return math.nan if told is None else told if type(told) is int else float(told)
     if kind in (int, str, bool) and not isinstance(told, kind):
         raise TypeError(f"{told!r} is no {kind.__name__}")
     if get_origin(kind) is Literal and told not in inner:

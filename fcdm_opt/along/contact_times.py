@@ -44,6 +44,7 @@ FIRST = 1.0 / 64  # of the size: how far first contacts of large bodies are look
 STEPS = 20_000  # along a ray, at most
 SLIDING = 1e-4  # of a step: parts that touch for so long lie on each other
 WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
+LOOKED_AT = 1e-3, 0.25, 0.5, 0.75, 1.0 - 1e-3  # of a span, whether parts slide on each other there
 TOUCHES = 1_000  # instants of touching on one side, at most
 
 
@@ -128,10 +129,24 @@ class ContactTimes(ShortRepr, Plain):
         along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
         lines = list[str]()
         for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items():
-            later = (f"from x = {number_text(span.low)} {span.state}" for span in own[1:])
-            lines.append(", ".join([f"{name}: {own[0].state}", *later]))
+            first, *states = (self._state_text(name, span) for span in own)
+            later = (f"from x = {number_text(x.low)} {state}" for x, state in zip(own[1:], states, strict=True))
+            lines.append(", ".join([f"{name}: {first}", *later]))
         low, high = map(number_text, self.searched)
         return "\n".join([*lines, f"looked at from x = {low} to x = {high}, no further"])
+
+    def _state_text(self, name: str, span: StateSpan) -> str:
+        """Return the state of a span in words, of the parts themselves with whether they slide on each other."""
+        asked = None if isinstance(self.problem, Assembly) or name in self.keep_outs else self.problem
+        if isinstance(self.problem, Assembly):
+            asked = {" - ".join(pair): own for pair, own in self.problem.questions.items()}.get(name)
+        if asked is None or span.state != "apart" or not math.isfinite(span.high - span.low):
+            return span.state
+        pair, bodies = asked.target if np.isnan(self.pair).any() else self.pair, (asked.movable, asked.static)
+        places = (span.low + share * (span.high - span.low) for share in LOOKED_AT)
+        poses = [asked.motion.transform(x * self.direction, *(own.seed for own in bodies)) for x in places]
+        slides = [PlacedSolids(*bodies, pair, pose).distance <= asked.contact_slack for pose in poses]
+        return "in contact" if all(slides) else "apart or in contact" if any(slides) else span.state
 
     @property
     def searched(self) -> tuple[float, float]:

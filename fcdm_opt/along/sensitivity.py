@@ -7,10 +7,11 @@ constraints are found from geometry (`holding`), so it does not matter which sta
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,11 @@ def sensitivity(solution: Solution) -> Sensitivity:
     near = BALANCED if holding.round else DEFAULT.stationary
     even = [balance for balance in balances if balance.residual <= near] or [best]
     only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # of a fit gaps differ
-    reasons = [*holding.reasons, *(() if only else _ties(problem, task, q))]
+    others = [] if only else _ties(problem, task, q)
+    tied = [end for amount, end in others if amount >= task.amount(q) * (1.0 - DEFAULT.tied)]
+    reasons = [*holding.reasons, *["a tie: another motion is as small"] * bool(tied)]
+    if len(tied) < len(others):
+        reasons.append(f"not the least motion: there is one of amount {number_text(min(others, key=itemgetter(0))[0])}")
     if solution.status.name == "NOT_VERIFIED":
         reasons.append("the judge rejected the motion")
     if problem.resolution is not None:
@@ -74,13 +79,16 @@ def sensitivity(solution: Solution) -> Sensitivity:
     counted = ~layout.parting
     counted[layout.clearances] = [task.clearance > 0, *(own.clearance > 0 for own in task.keep_out)]  # else one-sided
     more = np.any([balance.open for balance in even], axis=0)
+    for end in tied:  # the amount is the less of both
+        at = Holding(task, end, layout, problem.limits)
+        even += [own for own in _balances(task, _pieces(at), at.groups()) if own.residual <= near]
     other = np.any([balance.unlike(best) for balance in even], axis=0)
     if (more & counted).any():
         reasons.append("a tie: more constraints hold the motion than are needed")
     if (other & counted).any():
         reasons.append("a tie: either of several constraints holds the motion")
     broken = np.any([balance.broken for balance in even], axis=0)
-    return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons)
+    return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons, tied)
 
 
 def _keeps_its_steps(problem: Problem, task: Task, q: Array) -> bool:
@@ -194,18 +202,19 @@ def _named(constraints: Sequence[Rate], place: int) -> str:
     return f"{name} ({count + 1})" if count else name
 
 
-def _ties(problem: Problem, task: Task, q: Array) -> list[str]:
-    """Return why the motion is not the one least motion: another, some way off, that is as small, or smaller.
+def _ties(problem: Problem, task: Task, q: Array) -> list[tuple[float, Array]]:
+    """Return other motions, some way off, that are as small, or smaller, with their amounts.
 
     What is not found in `SECONDS` is taken for not there.
     """
     pacing.at("looking whether another motion is as small")
+    found = list[tuple[float, Array]]()
     with suppress(pacing.TimeOverError), pacing.within(SECONDS):
-        return _other_motions(problem, task, q)
-    return []
+        found.extend(_other_motions(problem, task, q))
+    return found
 
 
-def _other_motions(problem: Problem, task: Task, q: Array) -> list[str]:
+def _other_motions(problem: Problem, task: Task, q: Array) -> Iterator[tuple[float, Array]]:
     amount = task.amount(q)
     for k, side in product(range(len(q)), (0, 1)):
         limits = task.limits.copy()
@@ -214,16 +223,13 @@ def _other_motions(problem: Problem, task: Task, q: Array) -> list[str]:
         nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
         if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
             continue
-        other = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
-        if other < amount * (1.0 - DEFAULT.tied):
-            return [f"not the least motion: there is one of amount {number_text(other)}"]
-        if other <= amount * (1.0 + DEFAULT.tied):
-            return ["a tie: another motion is as small"]
-    return []
+        end = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
+        if end is not None and (other := task.amount(end)) <= amount * (1.0 + DEFAULT.tied):
+            yield other, end
 
 
-def _least(problem: Problem, limits: Array, most: float) -> float:
-    """Return the least amount of a question within other limits, infinite where no motion is found.
+def _least(problem: Problem, limits: Array, most: float) -> Array | None:
+    """Return the least motion of a question within other limits; None where none is found.
 
     For tracked contacts without the last stage, which takes long to find nothing. Of large bodies with as many parts as
     a motion of at most so much needs: in the way of others there may be parts that the one found never came near.
@@ -236,16 +242,17 @@ def _least(problem: Problem, limits: Array, most: float) -> float:
             if answer is not None or name == last:
                 break
         if answer is None or answer.q is None:
-            return np.inf
-        amount = task.amount(answer.q)
-        further = None if amount > most else expand_active_parts(problem, task.transform(answer.q), 0.0)
+            return None
+        further = None if task.amount(answer.q) > most else expand_active_parts(problem, task.transform(answer.q), 0.0)
         if further is None:
-            return amount
+            return answer.q
         problem = further
 
 
-def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str]) -> Sensitivity:
-    """Return the derivatives by what the user gives, from those by what the task has."""
+def _made(
+    problem: Problem, task: Task, q: Array | None, balance: _Balance, reasons: Sequence[str], tied: Sequence[Array] = ()
+) -> Sensitivity:
+    """Return the derivatives by what the user gives, from those by what the task has; `tied` are motions as small."""
     layout, reasons, names = Layout.of(task), list(reasons), task.motion.names
     data = np.where(balance.broken | balance.open, np.nan, balance.data)
     target = data[layout.target]
@@ -279,6 +286,8 @@ def _made(problem: Problem, task: Task, q: Array | None, balance: _Balance, reas
         key = "P1" if size.body == "movable" else "P2"
         sizes[size.name] = np.nan if moves is None else by_moves(key, body, moves, faces, vertices)[0]
     motions, by_size = _motions(problem, task, q)  # corners of cuts alone are no data, and contacts on a line one
+    for end in tied:
+        by_size = np.where(np.abs(_motions(problem, task, end)[1] - by_size) <= _near(by_size), by_size, np.nan)
     sizes = {name: float(other if np.isnan(x) else x) for (name, x), other in zip(sizes.items(), by_size, strict=True)}
     limits = data[layout.limits].reshape(-1, 2).tolist()
     step, given = DEFAULT.stationary * problem.length, problem.request["weights"]

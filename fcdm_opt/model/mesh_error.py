@@ -14,11 +14,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
+from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.contacts_restored import restoring_motion, touching_again
 from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
@@ -108,7 +111,10 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
             ends = [_least_of(_about(problem, own), solve, seconds) for own in (inner, outer)]
             pacing.check()  # what was cut short would be told as open
             return _bracketed(solution, *ends)
-        if _stays_clear(solution, outer):
+        if problem.keep_out and solve is None:
+            return solution
+        free = solve(problem.changed(keep_out=()), "quick") if problem.keep_out and solve else solution
+        if _same(problem, free.amount, solution.amount) and _stays_clear(solution, outer):
             return _between(solution, solution.amount, solution.amount)
     return solution
 
@@ -158,8 +164,8 @@ def _comparable(problem: Problem) -> bool:
     return problem.goal == "touch" and plain
 
 
-def _about(problem: Problem, scene: _Scene) -> Problem:
-    """Return the question about other bodies, which are as made."""
+def _about(problem: Problem, scene: _Scene, **asked: Any) -> Problem:
+    """Return the question about other bodies, which are as made, with other arguments."""
     keep_out = tuple(
         KeepOut(body, own.scale, clearance=own.clearance, name=own.name)
         for own, body in zip(problem.keep_out, scene.keep_outs, strict=True)
@@ -178,6 +184,7 @@ def _about(problem: Problem, scene: _Scene) -> Problem:
             "length": problem.length,
             "goal": problem.goal,
             "pair": problem.pair,
+            **asked,
         }
     )
 
@@ -270,8 +277,13 @@ def _stays_clear(solution: Solution, outer: _Scene) -> bool:
     """
     problem, slack = solution.problem, solution.problem.contact_slack
     rho = solution.pair if problem.contacts else solution.rho
-    if rho is None or solution.transform is None or problem.partial or outer.keep_outs:
+    if rho is None or solution.transform is None or problem.partial:
         return False
+    if outer.keep_outs:
+        kept = Task.of(_about(problem, outer, goal="clear", pair="any"))
+        q, bodies = np.array([*solution.parameters.values()]), len(kept.static.parts)
+        if not (kept.pair_gaps(q) >= kept.needs - slack)[:, bodies:].all():
+            return False
     near = problem.movable, problem.static
     if all(map(all_recognised, near)):
         found = where_nearest(*near, rho.tolist(), solution.transform, slack)

@@ -49,6 +49,14 @@ def touching_again(problem: Problem) -> Problem | None:
     return asked.to_touch()
 
 
+def is_of_plane_faces(problem: Problem) -> bool:
+    """Tell whether all contacts as drawn that shifts are to restore are of plane faces, their edges and corners."""
+    asked = problem.of_facets
+    joints = asked.chosen_joints if asked.goal in ("at", "seat") and asked.motion.shifts else ()
+    of_all = 0 < len(joints) == len(flat_contacts(asked)) and len(asked.contacts) == len(asked.nominal_joints)
+    return of_all and asked.resolution is None and not asked.round_contacts
+
+
 def unfollowed(problem: Problem) -> int:
     """Return how many contacts of true faces there are as drawn whose facets do not touch: none of them is followed.
 
@@ -110,7 +118,7 @@ class RestoringMotion(NamedTuple):
 
 
 def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
-    """Return the least motion that restores the contacts as drawn of questions that `touching_again` answers.
+    """Return the least motion that restores contacts as drawn: `touching_again` answers, or `is_of_plane_faces` holds.
 
     By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
     which no smaller one does. None where it is not found.
@@ -119,7 +127,8 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
     """
     asked = [own.of_facets for own in asked]
     first, before = asked[0], [_met_as_drawn(own) for own in asked]
-    if not all(before) or any(own.amount != "weighted" for own in asked):
+    known = (each or is_of_plane_faces(own) for own, each in zip(asked, before, strict=True))
+    if not all(known) or any(own.amount != "weighted" for own in asked):
         return None
     turns = not all(own.motion.shifts for own in asked)
     starts = first.size / np.sqrt(len(first.weights)) * np.array(STARTS if turns else STARTS[:1])
@@ -141,14 +150,14 @@ def _from(
 
     With the `balls` of each question for motions that turn, else without.
     """
-    first, turns = asked[0], bool(balls)
+    first, turns, found = asked[0], bool(balls), [*map(len, before)]
     for _ in range(MORE_ROUNDS if turns else ROUNDS):
         q, points = y / first.weights, list[list[NearestPoints]]()
         if turns:
             each = [_rows_of_balls(*own, q) for own in zip(asked, balls, strict=True)]
         else:
             points = [_points_at(*own, q) for own in zip(asked, before, strict=True)]
-            if not all(points):
+            if [*map(len, points)] != found:
                 return None
             each = [_rows_of_points(*own, q) for own in zip(asked, points, strict=True)]
         gaps, slopes, plane = (np.array(column) for column in zip(*sum(each, Rows()), strict=True))
@@ -161,7 +170,7 @@ def _from(
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
-            return RestoringMotion(q, points, bound) if inside and all(points) else None
+            return RestoringMotion(q, points, bound) if inside and [*map(len, points)] == found else None
         remaining = gaps + slopes @ (further - y)
         if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):
             rest = tuple(np.split(remaining, np.cumsum([len(rows) for rows in each])[:-1]))

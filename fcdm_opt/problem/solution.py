@@ -676,16 +676,17 @@ class Solution(Bounded):
         limit = self.problem.contact_slack
         return tuple(label for label, gap in self.contact_gaps.items() if gap > limit)
 
-    def to_dict(self, *, problem: bool = True) -> dict[str, Any]:
+    def to_dict(self, *, problem: bool = True, sensitivity: bool = False) -> dict[str, Any]:
         """Return plain data (lists, numbers, strings) from which `from_dict` rebuilds the solution.
 
-        As JSON has no such numbers, nan becomes None and infinity "inf". Without its `problem` where that is known.
+        As JSON has no such numbers, nan becomes None and infinity "inf". Without its `problem` where that is known;
+        with its `sensitivity` where asked to, or where it was read back with it.
         """
         values = list(self.parameters.values())
         made = {
             "motion": self.problem.motion.describe(values, unit=self.problem.unit) if values else None,
             "snapped": self.problem.snapped,
-            "sensitivity": vars(self).get("sensitivity", self.derivatives),
+            "sensitivity": self.sensitivity if sensitivity else self.derivatives,
         }
         names = self.plain_names[not problem :]
         return {name: plain(made[name] if name in made else getattr(self, name)) for name in names}

@@ -12,8 +12,8 @@ from fcdm_opt.show.texts import number, shortened
 if TYPE_CHECKING:
     from fcdm_opt.model.contact_rows import ContactRow, ContactRows
 
-MOST, LONGEST = 20, 56
-"""Rows that are listed, and letters in a line of a name."""
+MOST, LONGEST, NEAR = 20, 56, 1.0 / 16.0
+"""Rows that are listed, letters in a line of a name, and how far apart parts are listed, of the largest of them."""
 
 
 OF_LEAST = ("least gap", "gap >=")
@@ -21,12 +21,13 @@ OF_LEAST = ("least gap", "gap >=")
 
 
 def print_contact_rows(rows: ContactRows) -> None:
-    """Print the first rows as a table, and how many more there are.
+    """Print the first rows as a table, and how many more there are, or parts that are far apart.
 
     Of contacts of which only the least gap is asked about, the least first.
     """
+    far = _far(rows)
     kinds = {"contacts": rows.contacts, "alignments": rows.alignments, "clearances": rows.clearances}
-    every = [(f"{kind}[{k}]", row) for kind, own in kinds.items() for k, row in enumerate(own)]
+    every = [(f"{kind}[{k}]", row) for kind, own in kinds.items() for k, row in enumerate(own) if id(row) not in far]
     every += [("switching_point", rows.switching_point)] if rows.switching_point else []
     if any(row.asked.startswith(OF_LEAST) for row in rows.contacts):
         count = len(rows.contacts)
@@ -38,6 +39,20 @@ def print_contact_rows(rows: ContactRows) -> None:
         print_rows([_cells(kind, row, rows) for kind, row in every[:MOST]], numbers=("value",))
     if len(every) > MOST:
         print_text(f"... and {len(every) - MOST} more")
+    if far:
+        least = f"{number(min(far.values()))}{f' {rows.unit}' * bool(rows.unit)}"
+        print_text(f"{len(far)} clearance{'s' * (len(far) > 1)} of parts that are {least} or more apart")
+
+
+def _far(rows: ContactRows) -> dict[int, float]:
+    """Return how far apart the two sides of clearances are, by id, of those that are not `NEAR` each other."""
+    given = [(row, row.numbers["movable"], row.numbers["static"]) for row in rows.clearances]
+    size = max((float(np.ptp(own, axis=1).max()) for _, *both in given for own in both), default=0.0)
+    found = dict[int, float]()
+    for row, one, _ in given:
+        corners = row(q=rows.at, plane=row.start)["apart"].full().ravel()
+        found[id(row)] = float(corners[: one.shape[1]].min() + corners[one.shape[1] :].min())
+    return {key: x for key, x in found.items() if x > NEAR * size}
 
 
 def _cells(kind: str, row: ContactRow, rows: ContactRows) -> dict[str, str]:

@@ -385,6 +385,22 @@ def test_without_a_motion_there_is_nothing_to_differentiate():
     assert np.isnan(found.target).all()
 
 
+def test_one_sided_derivatives_by_faces_were_told_where_another_motion_is_as_small():
+    """A crate of half sides 1 at scale 0.9 turns either way until an edge is on the floor: 0.9 (cos + sin) = 1."""
+    crate, floor = box((-1, -1, 0), (1, 1, 2), "crate"), box((-5, -5, -1), (5, 5, 0), "floor")
+    asked = {"target": (0.9, 1.0), "goal": "touch", "motion": Rotation("x"), "length": 2.0}
+    back, bottom = (Size(name, "movable", faces=name, tolerance=0.02) for name in ("+y", "-z"))
+    found = has_none(Problem(crate, floor, sizes=[back, bottom], made={}, **asked), "another motion is as small")
+    turn = np.pi / 4.0 - np.arccos(1.0 / (0.9 * np.sqrt(2.0)))
+    rate = 2.0 * np.cos(turn) / (np.cos(turn) - np.sin(turn))  # of the depth of the bottom, for either motion
+    assert found.sizes["-z"] == pytest.approx(-rate, abs=1e-6)
+    assert np.isnan(found.sizes["+y"])  # growing it shortens one motion alone
+    told = {key: x for key, x in found.faces.items() if key.startswith("P1")}
+    planes = dict(zip(told, crate.face_planes[0], strict=True))
+    for key, x in told.items():
+        assert np.isnan(x) == (abs(planes[key][1]) > 0.5)
+
+
 def test_a_motion_that_nothing_holds_is_told():
     """Twice the least motion: a claim that no constraint balances."""
     solution = solve(Problem(BLOCK, SLAB, target=(1.1, 1.05), motion=Z, goal="touch"))
@@ -401,9 +417,10 @@ def test_it_is_worked_out_once_and_survives_plain_data_and_pickle():
     assert solution.to_dict()["sensitivity"] is None
     found = solution.sensitivity
     assert solution.sensitivity is found
-    data = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
-    for again in (Solution.from_dict(data), pickle.loads(pickle.dumps(solution))):
-        assert again.to_dict()["sensitivity"] == found.to_dict() == data["sensitivity"]
+    assert solution.to_dict()["sensitivity"] is None  # whatever was read before
+    data = json.loads(json.dumps(solution.to_dict(sensitivity=True), allow_nan=False))
+    assert Solution.from_dict(data).to_dict()["sensitivity"] == found.to_dict() == data["sensitivity"]
+    assert pickle.loads(pickle.dumps(solution)).sensitivity.to_dict() == found.to_dict()
     assert np.isnan(Solution.from_dict(data).sensitivity.vertices["P1V1"]).all()
     with pytest.raises(InputError, match="target"):
         Sensitivity.from_dict({key: value for key, value in data["sensitivity"].items() if key != "target"})

@@ -17,6 +17,17 @@ def test_a_block_that_lies_on_the_floor_of_its_slot(off: float) -> None:
         assert (free.low, free.high) == pytest.approx((-off - 0.1, -off + 0.1), abs=1e-9)
 
 
+def test_parts_that_slide_on_each_other_were_told_to_be_apart() -> None:
+    """A block on a floor slides from its wall at 0 to the floor's end at 40; another is a length above all that."""
+    floor = fo.cut(fo.Box((60, 40, 20), centre=(10, 0, 0)), fo.Box((60, 60, 20), centre=(30, 0, 10)))
+    for up, limit, words in (0.0, 30.0, "in contact"), (0.0, None, "apart or in contact"), (0.001, 30.0, "apart"):
+        block = fo.Box((10, 10, 10), centre=(5, 0, 5 + up))
+        asked = fo.Problem(block, floor, target=(1, 1), goal="clear", motion=fo.Translation("x"))
+        found = fo.contact_times(asked, {"TX": 1}, limit=limit)
+        assert str(found).splitlines()[0].endswith(f"from x = 0 {words}")
+        assert {span.state for span in found.spans} == {"apart", "overlapping"}
+
+
 def test_a_lid_that_lies_on_its_box_and_overlaps_at_its_lip() -> None:
     """Rounding of the faces that lie on each other hid where the lip comes free."""
     box = fo.cut(fo.Box((60, 40, 20)), fo.Box((50, 30, 20), centre=(0, 0, 4)))

@@ -95,6 +95,11 @@ def test_a_window_without_a_motion_ends_it_too() -> None:
     assert found.amount == pytest.approx(0.5, abs=1e-8)
 
 
+def test_all_requirements_by_one_word_were_refused() -> None:
+    problem = problems("peg_square")["A at the wall"]
+    assert list(budget(problem, 0.03, requirements="all", largest=0.001)) == ["A", "B", "C", "D"]
+
+
 # ----------------------------------------------------------------------------------------- closed forms, brute force
 
 

@@ -505,17 +505,35 @@ def test_a_key_on_both_sides_of_its_slot_was_said_to_have_no_pose():
     assert widened(stack.touching, wider).gap([0.04]) == pytest.approx(0.06)  # as slices show it
 
 
-def test_a_pose_on_the_other_side_of_the_plate_was_told_as_any_other() -> None:
-    """A collar is pushed through a plate where that makes the gaps of all sizes a little more even."""
+def test_a_pose_on_the_other_side_of_the_plate_was_preferred() -> None:
+    """A collar is not pushed through a plate where that makes the gaps of all sizes a little more even."""
     bars = [((x, x + 2), (-4, 4), (-2, 0)) for x in (-4, 2)] + [((-2, 2), (y, y + 2), (-2, 0)) for y in (-4, 2)]
     shank, collar = ((-1.98, 1.98), (-1.98, 1.98), (-4, 0)), ((-3, 3), (-3, 3), (0, 1))
     pin = fo.Body.from_parts([[*product(*shank)], [*product(*collar)]], seed=(0, 0, 0), name="pin")
     plate = fo.Body.from_parts([[*product(*bar)] for bar in bars], seed=(0, 0, -1), name="plate")
     asked = fo.Problem(pin, plate, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
-    for limits, outside in ({}, True), ({"TZ": (-1.0, 1.0)}, False):
-        best = fo.best_pose(asked.changed(limits=limits))
+    free, limited = (fo.best_pose(asked.changed(limits=own)) for own in ({}, {"TZ": (-1.0, 1.0)}))
+    assert free.value == pytest.approx(limited.value, rel=1e-3)
+    for best in (free, limited):
         assert best.passed
-        assert best.leaves_fit == outside == ("outside the fit" in str(best))
+        assert not best.leaves_fit
+    assert not free.lower_bound  # what is proved is of all poses
+
+
+@pytest.mark.parametrize("asked", [{}, {"goal": "clear"}, {"limits": {"TZ": (-0.5, 0.5)}}])
+def test_a_crate_whose_bottom_alone_varies_was_put_under_its_floor(asked: dict[str, Any]) -> None:
+    """Its top is as far from the floor's underside at all sizes; of its own fit the ends are -0.05 and 0.08 or so."""
+    crate, floor = fo.Box((2, 2, 2), centre=(0, 0, 1), name="crate"), fo.Box((10, 10, 1), centre=(0, 0, -0.5))
+    height = fo.Size("height", "movable", faces="-z", tolerance=(-0.02, 0.05))
+    sizes = [height, fo.Size("floor", "static", faces="+z", tolerance=0.03)]
+    best = fo.best_pose(
+        fo.Problem(crate, floor, **{"sizes": sizes, "goal": "touch", "motion": fo.Translation("z"), **asked})
+    )
+    assert best.passed
+    assert not best.leaves_fit
+    assert best.parameters["TZ"] == pytest.approx((0.08 - 0.05) / 2, abs=1e-9)
+    assert best.worst_gap == pytest.approx((0.08 + 0.05) / 2, abs=1e-9)
+    assert best.lower_bound <= best.worst_gap
 
 
 @pytest.mark.parametrize("clearance", [None, (0.0, math.inf)])

@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from fcdm_opt.design.sizes import proportion_interval
 from fcdm_opt.design.study.point import BAD_INPUT, Row, row
 from fcdm_opt.design.study.results import PENDING, StudyResult
 from fcdm_opt.design.study.store import FILE, Store
+from fcdm_opt.design.study.variables import shares
 from fcdm_opt.errors import InputError
 
 
@@ -164,6 +166,23 @@ def test_yield_has_the_exact_interval(within: int, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.interval, (expected.low, expected.high), rtol=1e-9)
     assert f"{found.share:.2%} within 0.25 ({within} of 20" in str(result)
     assert result.to_dict()["assembly_yield"]["interval"] == list(found.interval)
+
+
+def test_the_interval_of_a_latin_hypercube_was_that_of_independent_draws(tmp_path: Path) -> None:
+    """Sums of two sizes below 0.7: 24.5 % of them, which at least 95 % of all intervals have."""
+    held = 0
+    for seed in range(400):
+        within = int((shares("latin hypercube", 20, 2, seed=seed).sum(axis=0) < 0.7).sum())
+        low, high = proportion_interval(within, 20, 0.95, independent=False)
+        held += low <= 0.7**2 / 2 <= high
+        least, most = binomtest(within, 20).proportion_ci(0.95, "exact")
+        assert (low, high) == (max(0.0, min(low, least)), max(high, most))
+    assert held >= 0.95 * 400
+    about = definition({"tolerance": None}, draws=20, budget=0.25) | {"sampling": "latin hypercube"}
+    rows = [solved(f"k{k}", 0.25 if k < 10 else 0.26) for k in range(20)]
+    result = stored(tmp_path, about, [(f"k{k}", {"tolerance": k / 7}) for k in range(20)], rows)
+    assert result.assembly_yield.interval == proportion_interval(10, 20, 0.95, independent=False)
+    assert sum(result.assembly_yield.interval) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_without_a_budget_there_is_no_yield(tmp_path: Path) -> None:

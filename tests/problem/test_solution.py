@@ -316,3 +316,10 @@ def test_plain_data_that_tell_less_than_all_say_so_when_read() -> None:
     for found in (asked_again.curve, fo.clearances(asked_again), fo.compare(asked_again, {"x": Translation("x")})):
         with pytest.raises(InputError, match="cannot be read back"):
             type(found).from_dict(through_json(found.to_dict()))
+
+
+def test_whole_numbers_of_a_certificate_were_read_back_as_others() -> None:
+    crate, floor = fo.Box((2, 2, 2), centre=(0, 0, 1)), fo.Box((10, 10, 1), centre=(0, 0, -0.5))
+    found = fo.solve(fo.Problem(crate, floor, target=(1.1, 1.0), goal="touch", motion=fo.Translation("z")))
+    told = json.dumps(found.to_dict()["certificate"])
+    assert json.dumps(fo.Solution.from_dict(json.loads(json.dumps(found.to_dict()))).to_dict()["certificate"]) == told

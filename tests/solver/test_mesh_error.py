@@ -571,3 +571,44 @@ def test_a_collar_whose_shank_is_far_too_thick_was_left_open_by_the_mesh() -> No
         words = verdict_text(solution)
         assert "does not fit: pin 20.20 mm in socket 19.60 mm, across the bore of radius 10 of socket" in words
         assert "mesh" not in words + solution.advice + " ".join(remarks(solution))
+
+
+@pytest.mark.parametrize("goal", ["at", "seat"])
+def test_a_keep_out_that_is_clear_left_what_true_parts_need_unknown(goal: str) -> None:
+    """A block with a bore, made 0.02 too small beside a wall, moves 0.02; stops are clear of it, or not known to be."""
+    room, space = fo.Box((60, 40, 20), centre=(10, 0, 0)), fo.Box((60, 60, 20), centre=(30, 0, 10))
+    block = fo.cut(fo.Box((10, 10, 10), centre=(5, 0, 5)), fo.Cylinder(2, 20, base=(5, 0, -5), facets=24), name="block")
+    size = fo.Size("left", "movable", faces=["-x"], tolerance=0.05)
+    asked = {"sizes": [size], "made": {"left": 0.02}, "goal": goal, "contacts": "all", "motion": fo.Translation("x")}
+    problem = fo.Problem(block, fo.cut(room, space, name="nest"), **asked)
+    for stop in (fo.Box((2, 2, 2), centre=(11.5, 0, 5)), fo.Cylinder(1, 4, base=(12, 0, 3))):
+        found = fo.solve(problem.changed(keep_out=[stop]))
+        assert found.amount_low == found.amount_high == found.amount == pytest.approx(0.02, abs=1e-9)
+        assert "smallest possible (proved)" in str(found)
+    drum = np.vstack([ring(1.0, 24, z, 0.5) + np.array([11.017, 0.0, 0.0]) for z in (3.0, 7.0)])
+    near = fo.solve(problem.changed(keep_out=[fo.Body.convex(drum, name="drum")]))
+    assert near.usable
+    assert math.isnan(near.amount_low)  # the facets are clear of the block by 0.006, the drum overlaps it by 0.003
+
+
+def test_a_plate_under_a_gripped_rod_left_what_true_parts_need_unknown() -> None:
+    """Flanks of a V at 45 degrees and a flat grip a rod that stands on a plate: rows -v + r and r - f, by hand."""
+    apex = -4.0 * math.sqrt(2.0)
+    groove = fo.Body.convex([(apex + x, y, z) for z in (-6, 6) for x, y in ((0, 0), (8, 8), (8, -8))])
+    parts = {
+        "plate": fo.Box((60, 30, 4), centre=(0, 0, -17)),
+        "vee": fo.cut(fo.Box((12, 20, 10), centre=(apex - 2, 0, 0)), groove),
+        "flat": fo.Box((6, 20, 10), centre=(7, 0, 0)),
+        "rod": fo.Cylinder(4, 30, base=(0, 0, -15)),
+    }
+    x = fo.Translation("x")
+    asked = {"motions": {"vee": x, "flat": x, "rod": x >> fo.Translation("y") >> Z}, "made": {"d": 0.06}}
+    asked |= {"follows": dict.fromkeys(("vee", "flat", "rod"), "plate")}
+    size = fo.Size("d", "rod", faces=["cylinder radius 4"], each=0.5, tolerance=0.1)
+    contacts = [("rod", "plate"), ("rod", "vee"), ("flat", "rod")]
+    found = fo.solve(fo.Assembly(parts, contacts, sizes=[size], **asked))
+    by_hand = np.linalg.pinv([[-1.0, 0.0, 1.0], [0.0, 1.0, -1.0]]) @ [0.03 * math.sqrt(2.0), 0.03]
+    assert [found.parameters[part]["TX"] for part in ("vee", "flat", "rod")] == pytest.approx(by_hand, abs=1e-9)
+    assert [found.amount_low, found.amount_high] == pytest.approx([np.linalg.norm(by_hand)] * 2, abs=1e-9)
+    assert "smallest possible together (proved)" in str(found)
+    assert fo.verify(found, proof=True).passed

@@ -368,6 +368,9 @@ def _best(
         best, bound = search.best, _proved(search)
     else:
         best, bound = least_moved(worst, best, first), _proved(search)
+    if _outside(problem, best) and not _outside(problem, first):
+        best, bound = first, 0.0  # what is proved is of poses outside the fit too
+        inside = windowed and best.off.value <= slack
     steps = steps_of(problem)
     if steps.any():
         best = stepped(worst, best, steps, slack, amounts=inside)
@@ -387,6 +390,10 @@ def _best(
     if inside or (not windowed and best.off.clear):
         status = INSIDE if inside else BEST
     return _Best(worst, best, search, status, value, bound, bool(done), fitted)
+
+
+def _outside(problem: Problem | Assembly, found: Found) -> bool:
+    return isinstance(problem, Problem) and leaves_fit(problem, tuple(found.q.tolist()))
 
 
 def _of_gap(

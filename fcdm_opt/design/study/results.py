@@ -51,7 +51,7 @@ class Share(NamedTuple):
     share : float
         Of the points that were worked out; failures count as not within.
     interval : tuple of float
-        Clopper and Pearson's, at least as wide as independent random draws need it; Latin hypercube draws need less.
+        Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs.
     within, of : int
         Points.
     confidence, budget : float
@@ -170,7 +170,8 @@ class StudyResult(NotebookRepr, Plain):
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        interval = proportion_interval(within, len(found), CONFIDENCE)
+        independent = self.definition.get("sampling") != "latin hypercube" or "draw" not in self.axes
+        interval = proportion_interval(within, len(found), CONFIDENCE, independent=independent)
         return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
 
     def __str__(self) -> str:

@@ -275,7 +275,7 @@ def budget(
     problem: Scene,
     limit: float | None,
     *,
-    requirements: Sequence[Requirement | Corner | Deviations] | Corner | Deviations | None = None,
+    requirements: Literal["all"] | Sequence[Requirement | Corner | Deviations] | Corner | Deviations | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
@@ -291,7 +291,7 @@ def budget(
         the scales is asked how far these may be off, an assembly without sizes how far the scales of its parts may.
     limit : float or None
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
-    requirements : sequence of letters, optional
+    requirements : "all", or sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
         scales that turn faces, whose least gap is not known beforehand, and of assemblies "low" and "high". Of the
@@ -331,7 +331,8 @@ def budget(
         shape, most, usual = np.ones((2, 2)), LARGEST, known
         if scale and problem.tolerance is not None and problem.tolerance.any():
             shape = problem.tolerance / float(problem.tolerance.max())
-    given: Any = usual if requirements is None else (requirements,) if requirements in known else requirements
+    every = known if requirements == "all" else usual if requirements is None else None
+    given: Any = every if every is not None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
         arguments.choice(letter, "requirements", known)
