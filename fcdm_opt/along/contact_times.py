@@ -129,13 +129,13 @@ class ContactTimes(ShortRepr, Plain):
         along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
         lines = list[str]()
         for name, own in {f"x times {along}": self.spans, **self.keep_outs}.items():
-            first, *states = (self._state_text(name, span) for span in own)
+            first, *states = (self.state_text(name, span) for span in own)
             later = (f"from x = {number_text(x.low)} {state}" for x, state in zip(own[1:], states, strict=True))
             lines.append(", ".join([f"{name}: {first}", *later]))
         low, high = map(number_text, self.searched)
         return "\n".join([*lines, f"looked at from x = {low} to x = {high}, no further"])
 
-    def _state_text(self, name: str, span: StateSpan) -> str:
+    def state_text(self, name: str, span: StateSpan) -> str:
         """Return the state of a span in words, of the parts themselves with whether they slide on each other."""
         asked = None if isinstance(self.problem, Assembly) or name in self.keep_outs else self.problem
         if isinstance(self.problem, Assembly):

@@ -276,8 +276,9 @@ def _made(
     for k, (key, body) in enumerate(zip(keys, layout.bodies, strict=True)):
         rows = data[layout.vertices(k)].reshape(-1, 3)
         vertices |= {f"{key}V{row}": frozen(value) for row, value in enumerate(rows, 1)}
-        shifts = data[layout.faces(k)].tolist()
-        faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in zip(body.faces, shifts, strict=True)}
+        drawn = {*(body if body.exact is None else body.exact.facets).faces}  # others are of pieces at points
+        shifts = zip(body.faces, data[layout.faces(k)].tolist(), strict=True)
+        faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in shifts if face in drawn}
         seeds[key.strip()] = frozen(data[layout.seed(k)])
     clearance, *kept = data[layout.clearances].tolist()
     sizes = {}

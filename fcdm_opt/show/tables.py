@@ -225,9 +225,10 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
         if isinstance(times, str):
             ends.append(f"{made}: {times}")
         else:
-            each = {made: times.spans}
-            each |= {name if " - " in name else f"keep-out {name}": own for name, own in times.keep_outs.items()}
-            ends += [f"{name}: {_spans(problem, direction, own)}" for name, own in each.items()]
+            for key, spans in {made: times.spans, **times.keep_outs}.items():
+                name = key if key == made or " - " in key else f"keep-out {key}"
+                states = [(span, times.state_text(key, span)) for span in spans]
+                ends.append(f"{name}: {_spans(problem, direction, states)}")
             low, high = (steps_text(problem, (x * direction).tolist()) for x in times.searched)
             beyond = f"searched from {low} to {high}: what is beyond is not known"
             ends += [beyond] * all(map(math.isfinite, times.searched))
@@ -236,13 +237,13 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
     print_text()
 
 
-def _spans(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> str:
+def _spans(problem: Problem, direction: Array, spans: Sequence[tuple[StateSpan, str]]) -> str:
     """Return how the parts made lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
-    seen = [span for span in spans if span.high > -far and span.low < far] or list(spans)
-    places = [telling(problem, (span.high * direction).tolist()) for span in seen[:-1]]
+    seen = [(span, state) for span, state in spans if span.high > -far and span.low < far] or list(spans)
+    places = [telling(problem, (span.high * direction).tolist()) for span, _ in seen[:-1]]
     ends = [f" up to {steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
-    text = ", ".join(f"{span.state}{end}" for span, end in zip(seen, ends, strict=True))
+    text = ", ".join(f"{state}{end}" for (_, state), end in zip(seen, ends, strict=True))
     return f"{text} {'beyond' if len(seen) > 1 else 'all along'}"
 
 

@@ -539,3 +539,17 @@ def test_a_corner_was_taken_for_a_vertex_that_was_put_onto_it() -> None:
     for own in found.sensitivity.motion_by_size.values():
         assert own == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
     assert fo.whatif(found, made={"length": -0.02, "wall": -0.03}).predicted_amount == pytest.approx(0.05, rel=1e-9)
+
+
+def test_derivatives_by_faces_are_of_faces_as_drawn_and_read_back_the_same() -> None:
+    """A pin of 9.95 in a bore of 10: pieces where bodies are exact had keys of their own, not twice the same ones."""
+    pin = fo.Cylinder(4.975, 20.0, base=(0.0, 0.0, 0.0), name="pin")
+    block = fo.cut(fo.Box((30.0, 30.0, 20.0), centre=(0.0, 0.0, 10.0)), fo.Cylinder(5.0, 22.0, base=(0.0, 0.0, -1.0)))
+    sizes = [fo.Size("pin", "movable", faces="cylinder radius 4.975", each=0.5, tolerance=0.02)]
+    problem = fo.Problem(pin, block, sizes=sizes, made={"pin": 0.01}, goal="touch", motion=fo.Translation("x"))
+    solution = fo.solve(problem)
+    assert solution.amount == pytest.approx(0.02, abs=1e-9)
+    assert len(solution.sensitivity.faces) == len(pin.faces) + len(block.faces)
+    again = Solution.from_dict(json.loads(json.dumps(solution.to_dict(sensitivity=True))))
+    assert again.derivatives is not None
+    assert fo.verify(again).passed
