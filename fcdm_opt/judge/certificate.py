@@ -79,7 +79,7 @@ def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = Fal
     -------
     Certificate
         All checks with value and limit. Without a motion, or with numbers that are not finite, the one check that
-        says so.
+        says so; with `proof`, of what is proved impossible, those of its proof alone.
     """
     if hasattr(solution, "claims"):
         return Certificate(solution.claims(proof=proof).checks())
@@ -88,7 +88,9 @@ def verify(solution: Any, tolerances: Tolerances = DEFAULT, *, proof: bool = Fal
 
         return Certificate(placed_checks(solution, tolerances, proof=proof))
     expected(solution, Solution, "solution")
-    return Certificate((*_of_motion(solution, tolerances), *(proof_checks(solution) if proof else ())))
+    denied = proof and solution.status is Status.INFEASIBLE and solution.lower_bound == inf  # then that is the claim
+    motion = () if denied and not solution.parameters else _of_motion(solution, tolerances)
+    return Certificate((*motion, *(proof_checks(solution) if proof else ())))
 
 
 verify_assembly = verify

@@ -115,8 +115,8 @@ def proved(
     number of cells, which does not depend on the machine; `share` is of the cells that are looked at for three
     parameters and more, which seldom end by themselves.
     """
-    if not np.isfinite(answer.lower_bound) and (share < 1.0 or answer.stage != STAGE):
-        return answer, None  # without a motion; cells show it where they have shown it
+    if not np.isfinite(answer.lower_bound) and share < 1.0:
+        return answer, None
     if answer.q is not None and not answer.q.any():
         return answer, None
     if answer.q is not None and _closed(task, answer, FINE_GAP):

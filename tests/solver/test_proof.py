@@ -327,3 +327,31 @@ def test_a_closed_form_with_evidence_was_told_as_less_than_exact(motion: Any, se
     assert bound_text(solution).endswith("exact")
     assert fo.verify(solution, proof=True).passed
     assert not fo.verify(replace(solution, lower_bound=solution.amount * (1.0 + 1e-6)), proof=True).passed
+
+
+def _block(centre: float) -> fo.Box:
+    return fo.Box((10, 10, 10), centre=(centre, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("goal", "start", "motion", "limits"),
+    [
+        ("touch", -10, fo.Translation("x"), {"TX": (-3, 3)}),  # 10 apart
+        ("touch", -10, fo.Translation("z"), {}),  # it passes by
+        ("touch", -10, fo.Translation("x") >> fo.Translation("z"), {"TX": (-3, 3), "TZ": (-1, 1)}),
+        ("clear", 1, fo.Translation("x"), {"TX": (-0.5, 0.5)}),  # 1 deep
+        ("clear", 1, fo.Translation("x") >> fo.Rotation("z"), {"TX": (-0.5, 0.5), "RZ": (-0.01, 0.01)}),
+    ],
+)
+def test_what_is_impossible_carries_evidence_that_is_checked(
+    goal: str, start: float, motion: fo.Motion, limits: dict[str, tuple[float, float]]
+) -> None:
+    """Blocks of 10 at 10 and elsewhere: shifts alone left "impossible (proved)" without evidence."""
+    problem = fo.Problem(_block(start), _block(10), target=(1, 1), goal=goal, motion=motion, limits=limits)
+    denied = fo.solve(problem, certify=True)
+    assert denied.status is fo.Status.INFEASIBLE
+    assert fo.verify(denied, proof=True).passed
+    assert not fo.verify(denied).passed  # of a motion, which there is none of
+    wider = dict.fromkeys(motion.names, (-20.0, 20.0))
+    possible = problem.changed(movable=_block(0 if goal == "touch" else 1), limits=wider)
+    assert not fo.verify(replace(denied, problem=possible), proof=True).passed
