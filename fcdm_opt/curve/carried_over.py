@@ -79,10 +79,8 @@ class CarriedOver:
     def _on_parts(
         self, parts: tuple[int, int], feature: Feature, of_parts: Callable[[_PartsAlike, _PartsAlike], T]
     ) -> tuple[tuple[int, int], T]:
-        """Return which parts as made have what two as drawn touch with, and what that is on them.
-
-        The same two, or, where bodies are cut otherwise as made, others that have the elements.
-        """
+        """Return which parts as made have what two as drawn touch with, and what that is on them."""
+        # the same two, or, where bodies are cut otherwise as made, others that have the elements
         refused = list[InputError]()
         for rows in self._candidates(parts, feature):
             one, two = (self._alike(k, *own) for k, own in enumerate(zip(parts, rows, strict=True)))

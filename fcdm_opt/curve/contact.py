@@ -202,11 +202,9 @@ def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slac
 
 
 def distinct_on_true_faces(features: Sequence[Feature], movable: Body, static: Body) -> Sequence[Feature]:
-    """Return features of which none is another one's on the true faces; all where no body is made exact on these.
-
-    There an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
-    it or an edge of that face is up to rounding.
-    """
+    """Return features of which none is another one's on the true faces; all where no body is made exact on these."""
+    # there an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
+    # it or an edge of that face is up to rounding
     if movable.exact is None and static.exact is None:
         return features
     met, kept = {own: true_faces_met(own, movable, static) for own in features}, list[Feature]()
@@ -254,10 +252,8 @@ class Joint:
 
 
 def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint, ...]:
-    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`.
-
-    Without those that another one holds: a corner or an edge of a face that lies flush, what touches within it.
-    """
+    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`."""
+    # without those that another one holds: a corner or an edge of a face that lies flush, what touches within it
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
     met = list[tuple[int, Array, Joint, tuple[Array, Array]]]()
@@ -319,10 +315,8 @@ def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequen
 
 
 def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -> bool:
-    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone.
-
-    Directions that only cuts between the parts of a body leave to a pair of them are none of the solids'.
-    """
+    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone."""
+    # directions that only cuts between the parts of a body leave to a pair of them are none of the solids'
     own = joint.feature
     around = [other.normals[0] for other in wide if is_within(own, other.feature)]
     one, two = (movable, movable.parts[joint.parts[0]]), (static, static.parts[joint.parts[1]])

@@ -132,10 +132,8 @@ class Flush:
         )
 
     def holds_between(self, start: tuple[Array, Array], end: tuple[Array, Array]) -> bool:
-        """Tell whether one host shares at two (pose, scale pair) what the elements shared when drawn.
-
-        If they differ by a shift, and in proportion on the way, it does between them.
-        """
+        """Tell whether one host shares at two (pose, scale pair) what the elements shared when drawn."""
+        # if they differ by a shift, and in proportion on the way, it does between them
         both = zip(self.shared(*start), self.shared(*end), strict=True)
         return any(all(dimension(own, self.least) >= self.dimension for own in pair) for pair in both)
 

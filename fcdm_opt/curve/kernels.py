@@ -308,11 +308,9 @@ def _climbed(reals, ints, vertex, n):
 
 @step
 def _extreme(reals, ints, n, bound):
-    """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain.
-
-    Where no neighbour is further on by more than rounding a vertex across a tiny edge still may lead to one that is,
-    and so may one where the half-edges are not those of the exact hull: all are looked at.
-    """
+    """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain."""
+    # where no neighbour is further on by more than rounding a vertex across a tiny edge still may lead to one that is,
+    # and so may one where the half-edges are not those of the exact hull: all are looked at
     vertex, margin = _summit(reals, ints, n)
     if margin > bound and reals[ints[0] + ints[1], 1] > 0.0:
         return vertex, True
@@ -627,12 +625,10 @@ def _edge_exit(reals1, ints1, reals2, ints2, frame, forward, i, j, entered):
 
 @step
 def _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two):
-    """Return how a chain ends on its last site: AXIS_1, AXIS_2, FAR, or -1 where it cannot tell.
-
-    A face and an apex: along the line either the apex' scale falls to 0, which brings the contact to where the seed ray
-    of its body meets the face, or both scales grow, which brings it to where the apex' own ray does. If that ray is
-    inside the face's cone about its seed, no side of the face is met before.
-    """
+    """Return how a chain ends on its last site: AXIS_1, AXIS_2, FAR, or -1 where it cannot tell."""
+    # a face and an apex: along the line either the apex' scale falls to 0, which brings the contact to where the seed
+    # ray of its body meets the face, or both scales grow, which brings it to where the apex' own ray does. If that ray
+    # is inside the face's cone about its seed, no side of the face is met before
     if kind == E1E2:
         return FAR if _runs_away(reals1, ints1, reals2, ints2, frame, i, j) else -1
     if kind == F1V2:
@@ -955,10 +951,8 @@ def _gradient(rows, owner):
 
 @step
 def _excluded(reals1, ints1, reals2, ints2, frame, n):
-    """Search, from n on, a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at any scales.
-
-    The perceptron's rule: turn away from whatever lies farthest ahead.
-    """
+    """Search, from n on, a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at any scales."""
+    # the perceptron's rule: turn away from whatever lies farthest ahead
     d = _entry(frame, D)
     length = _length(d)
     for _ in range(TRIALS):
@@ -1950,10 +1944,8 @@ def _pair(reals1, ints1, places1, reals2, ints2, places2, i, j):
 @light
 @kernel
 def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
-    """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
-
-    The least over the pairs of what `near_gaps` tells.
-    """
+    """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2)."""
+    # the least over the pairs of what `near_gaps` tells
     pose, n2 = relative_pose(transform, seed1, seed2), len(places2) - 1
     least, owners = np.full(len(rho), _INF), np.zeros((len(rho), 2), np.int64)
     for k in range(len(rho)):
@@ -1994,11 +1986,9 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
 @light
 @kernel
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
-    """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
-
-    The largest separation over its facet directions, in unions over those of `pair_bounds` too, for pairs that may have
-    the least of all, or less than `enough`; of others a lower bound that is at least as much.
-    """
+    """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed."""
+    # the largest separation over its facet directions, in unions over those of `pair_bounds` too, for pairs that may
+    # have the least of all, or less than `enough`; of others a lower bound that is at least as much
     gaps, best = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho), _INF
     n2, least = len(places2) - 1, np.argmin(gaps)
     for turn in range(-1, gaps.size):  # the likeliest first

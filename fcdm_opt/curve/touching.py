@@ -68,10 +68,8 @@ def touching_vertices(reals1, ints1, reals2, ints2, pose, rho, normal, slack):
 
 @kernel
 def support(reals, ints, n, slack):
-    """Return the vertices of a part's vertex, edge or face whose heights along n are within a slack of the largest.
-
-    A face's in their order around it; where these are on several faces, those of the face with most of them.
-    """
+    """Return the vertices of a part's vertex, edge or face whose heights along n are within a slack of the largest."""
+    # a face's in their order around it; where these are on several faces, those of the face with most of them
     heights, top = np.empty(ints[0]), -np.inf
     for k in range(ints[0]):
         heights[k] = _dot(n, _at(reals, k))

@@ -256,10 +256,8 @@ class TrueSizes:
         return float(carried) + sum(own.largest_move(self.sizes) for own in self.faces)
 
     def shifted(self, place: Array) -> list[Array]:
-        """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to.
-
-        Those that shift them at their other end, and each at both; those that offset them where that is outwards.
-        """
+        """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to."""
+        # those that shift them at their other end, and each at both; those that offset them where that is outwards
         box = np.array([own.tolerance for own in self.sizes], float)
         columns = [k for own in self.faces for k in own.shifts]
         found = np.tile(place, (2 + 2 * len(columns), 1))

@@ -160,11 +160,9 @@ class ConvexPart(_Sealed):
         return volume, middle
 
     def element_at(self, kind: str, k: int, point: Array) -> Element:
-        """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it.
-
-        It depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
-        side, of which the other bar leaves two faces.
-        """
+        """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it."""
+        # it depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
+        # side, of which the other bar leaves two faces
         return self.elements_at(kind, k, point[None])[0]
 
     def elements_at(self, kind: str, k: int, points: Array) -> list[Element]:

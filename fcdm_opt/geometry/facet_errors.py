@@ -165,11 +165,9 @@ def _flats(errors: Array) -> Flags:
 
 
 def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple[Ints, Array]:
-    """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2).
-
-    Of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
-    which turn anyhow, do not.
-    """
+    """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2)."""
+    # of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
+    # which turn anyhow, do not
     faces = sorted(face for face in normals if len(face) < MANY and face not in known and face in body.face_rows)
     if len(faces) < STRIP:
         return np.empty(0, np.int64), np.empty((0, 2))
@@ -310,10 +308,8 @@ def _moved(body: Body, off: Array, errors: Array) -> Body | None:
 
 
 def _parts_moved(body: Body, off: Array) -> Body | None:
-    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts outward stay.
-
-    What is left of no part after an inward move is left out.
-    """
+    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts outward stay."""
+    # what is left of no part after an inward move is left out
     points, hulls, parts, count = [body.vertices], list[Hull](), list[ConvexPart | None](), len(body.vertices)
     moved = list[tuple[ConvexPart, Array]]()
     if off.min() < 0.0:
@@ -375,11 +371,9 @@ def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> Convex
 
 
 def _inward(body: Body, off: Array) -> list[Array]:
-    """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out.
-
-    A part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With its
-    faces moved by what any face that it reaches stands out, and its cuts there by more, nothing of it does.
-    """
+    """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out."""
+    # a part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With its
+    # faces moved by what any face that it reaches stands out, and its cuts there by more, nothing of it does
     (normals, places), (rows,) = body.face_planes, np.nonzero(off)
     corners, owners = body.face_triangles
     slack = DEFAULT.cut * body.size
@@ -402,10 +396,8 @@ def _inward(body: Body, off: Array) -> list[Array]:
 
 
 def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] | None:
-    """Return corners and hull of a convex part whose facets are moved outward; None where nothing is left of it.
-
-    As a rule the same facets meet in the same corners. Where they do not, half-spaces are intersected anew.
-    """
+    """Return corners and hull of a convex part whose facets are moved outward; None where nothing is left of it."""
+    # as a rule the same facets meet in the same corners. Where they do not, half-spaces are intersected anew
     normals, levels = part.normals, part.levels + shift
     on = np.zeros((len(part.vertices), len(part.loops)))
     for k, loop in enumerate(part.loops):

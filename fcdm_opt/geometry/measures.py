@@ -52,10 +52,8 @@ def unit_normals(polygons: Array) -> Array:
 
 
 def least_vector(rows: Array, levels: Array) -> Array | None:
-    """Return the shortest x, (k,), with rows x >= levels, rows (m, k); None where there is none.
-
-    By the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23).
-    """
+    """Return the shortest x, (k,), with rows x >= levels, rows (m, k); None where there is none."""
+    # by the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23)
     from scipy.optimize import nnls
 
     scale = max(float(np.abs(levels).max()), SMALLEST)

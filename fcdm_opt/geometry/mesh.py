@@ -166,10 +166,8 @@ def _first_solid(surfaces: Iterable[JoinedShells | None], given: Faces, name: st
 def _closed_up(
     points: Array, polygons: list[Polygon], unit: int, size: float, key: str
 ) -> tuple[Faces, Ints, Ints, float]:
-    """Return a closed surface, the points kept, the place among them of each point, and the slack of welding.
-
-    Where it is open, points a little further from each other are made one: meshes come with seams of a millionth.
-    """
+    """Return a closed surface, the points kept, the place among them of each point, and the slack of welding."""
+    # where it is open, points a little further from each other are made one: meshes come with seams of a millionth
     rounding = 4 * float(np.spacing(np.abs(points).max()))
     refused: InputError | None = None
     for weld in (DEFAULT.weld, DEFAULT.seam):

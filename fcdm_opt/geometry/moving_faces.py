@@ -88,10 +88,8 @@ def _across(axis: Array, point: Array) -> Array:
 
 
 def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
-    """Return how far each face of the body moves outward a unit of each size, (faces, k).
-
-    Those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned.
-    """
+    """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
+    # those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned
     offsets = np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
     for k in range(len(sizes)):
         for surface, move in _followed(body, offsets[:, k]).items():
@@ -137,10 +135,8 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
-    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`.
-
-    Those that can, with their radius kept, of at least two others; no more than so many in a row.
-    """
+    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`."""
+    # those that can, with their radius kept, of at least two others; no more than so many in a row
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found

@@ -463,11 +463,9 @@ def _lowest_of_each(starts: list[Array], patches: list[list[Patch]], extents: li
 
 
 def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *, both: bool) -> Ints:
-    """Return which features, by their pieces (n, k, 3), may be within a band of which patches, (m, 2).
-
-    Those with a round face alone: of two round patches once, and none of a plane, which has its nearest points at its
-    edges.
-    """
+    """Return which features, by their pieces (n, k, 3), may be within a band of which patches, (m, 2)."""
+    # those with a round face alone: of two round patches once, and none of a plane, which has its nearest points at its
+    # edges
     faces, others = own.faces, other.faces
     low, high = other.corners.min(axis=1) - band, other.corners.max(axis=1) + band
     near = overlapping_between(points.min(axis=1), points.max(axis=1), low, high)

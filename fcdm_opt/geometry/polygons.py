@@ -215,10 +215,8 @@ def _cross2(u: Array, v: Array) -> Array:
 
 
 def _ears(flat: Array, slack: float) -> Ints | None:
-    """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself.
-
-    An ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side.
-    """
+    """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself."""
+    # an ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side
     left = np.arange(len(flat))
     ears = []
     while len(left) > 3:

@@ -271,11 +271,9 @@ def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
 def _facets_within(
     body: Body, exact: ExactPoints, sizes: Sequence[Size], offsets: Array, turns: Array
 ) -> list[tuple[Ints, Array]]:
-    """Return the same as `_facets` of a body that is exact at points of its round faces.
-
-    Corners on a shaft stay on it, so that its facets, which are chords, move by less than it grows; those of a bore,
-    which are its tangents, as it does. A piece at a point goes with the true faces there, without turning.
-    """
+    """Return the same as `_facets` of a body that is exact at points of its round faces."""
+    # corners on a shaft stay on it, so that its facets, which are chords, move by less than it grows; those of a bore,
+    # which are its tangents, as it does. A piece at a point goes with the true faces there, without turning
     facets, moved = exact.facets, offsets.copy()
     true = MovesOfFaces.of(facets, sizes, offsets, turns)
     corners, owners = facets.face_triangles
@@ -365,10 +363,8 @@ def _same_pyramids(body: Body, places: Array, triangles: Ints) -> Body | None:
 
 
 def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
-    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then.
-
-    Of round faces those between their corners on the true ones; cuts of such bodies, made anew, are as drawn.
-    """
+    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    # of round faces those between their corners on the true ones; cuts of such bodies, made anew, are as drawn
     if body.is_surface:
         made_body = resized(body.full_body or body, made)
         parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
@@ -519,10 +515,8 @@ def _corners_of_parts(
 
 
 def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | None:
-    """Return a solid with its corners elsewhere, its faces in parallel to those drawn, and the same parts.
-
-    Cuts go with the faces. None where faces turn, or parts would have other facets than as drawn.
-    """
+    """Return a solid with its corners elsewhere, its faces in parallel to those drawn, and the same parts."""
+    # cuts go with the faces. None where faces turn, or parts would have other facets than as drawn
     if len(body.parts) == 1 or body.exact is not None:
         return None
     normals, near = body.face_planes[0], DEFAULT.nominal * body.size
@@ -633,10 +627,8 @@ def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> I
 
 
 def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> Array:
-    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left.
-
-    Of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges.
-    """
+    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left."""
+    # of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges
     part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     corners = corners_within(part.normals, levels, DEFAULT.planarity * moving.body.size)
@@ -812,10 +804,8 @@ def _cuts(body: Body) -> list[_Cut]:
 
 
 def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tuple[Ints, Array]]:
-    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k).
-
-    A cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all.
-    """
+    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k)."""
+    # a cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all
     normals, points = body.face_planes
     found = []
     for part, owners in zip(body.parts, body.facet_faces, strict=True):

@@ -139,14 +139,12 @@ class Swept(NamedTuple):
         return out, short
 
     def left_by_each(self, corners: Array) -> Array:
-        """Return the same of each triangle, (m, 2).
-
-        Exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
-        corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
-        sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
-        of the distance along a side is four times what it reaches there, and between the points, by CUTS^2 less, a
-        third of it may hide.
-        """
+        """Return the same of each triangle, (m, 2)."""
+        # exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
+        # corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
+        # sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
+        # of the distance along a side is four times what it reaches there, and between the points, by CUTS^2 less, a
+        # third of it may hide
         one, two, three = corners.transpose(1, 0, 2)
         points, hidden = corners, 0.0
         if self.line is not None:

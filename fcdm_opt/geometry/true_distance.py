@@ -76,10 +76,9 @@ class FacePieces(NamedTuple):
         return self._replace(errors=errors + TRIM * trimmed)
 
     def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
-        """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of.
-
-        A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
-        """
+        """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of."""
+        # a triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within
+        # goes
         there = np.ones(len(self.corners), bool)
         for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
             rows = np.flatnonzero(self.patches == plane)
@@ -299,11 +298,9 @@ class FacesApart:
         return found, may
 
     def _nearest_to(self, k: int, number: int) -> Array:
-        """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,).
-
-        In what its radius bounds there, see `Swept.line`: the radius for pieces of its own; of plane ones, of a cone
-        those at a right angle to the axis, what their sides are; minus infinity of others.
-        """
+        """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,)."""
+        # in what its radius bounds there, see `Swept.line`: the radius for pieces of its own; of plane ones, of a cone
+        # those at a right angle to the axis, what their sides are; minus infinity of others
         own, surface = self._pieces[k], self._faces[k].patches[number].surface
         found = np.where(own.patches == number, surface.radius, -np.inf)
         (steep, slope), planes = surface.line or (1.0, 0.0), [patch.surface for patch in self._faces[k].patches]
@@ -327,11 +324,9 @@ class FacesApart:
         return found
 
     def _farthest(self, k: int, surface: Swept) -> Array:
-        """Return how far out pieces are at most in the space within a bore, cone or socket, (2, n).
-
-        From its axis or centre, and in what its radius bounds there: as their face, and the faces whose edges they go
-        up to, are of a radius about an axis or a point; of one axis with it, as corners are; else infinite.
-        """
+        """Return how far out pieces are at most in the space within a bore, cone or socket, (2, n)."""
+        # from its axis or centre, and in what its radius bounds there: as their face, and the faces whose edges they go
+        # up to, are of a radius about an axis or a point; of one axis with it, as corners are; else infinite
         own, bore = self._pieces[k], surface.line is not None
         (steep, slope), of_face, alike = surface.line or (1.0, 0.0), list[float](), list[bool]()
         z, out = (own.corners - surface.origin) @ surface.axis, norms(_across(own.corners, surface))
@@ -379,10 +374,8 @@ class FacesApart:
 
 @lru_cache(maxsize=64)
 def _encircling(faces: TrueFaces, number: int) -> list[int]:
-    """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle.
-
-    Triangles of these may reach across what a chord leaves of the circle, where nothing is.
-    """
+    """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle."""
+    # triangles of these may reach across what a chord leaves of the circle, where nothing is
     surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
     for other in np.unique(both[(both == number).any(axis=1)]).tolist():
         if other == number or not faces.patches[other].surface.flat:
@@ -455,13 +448,11 @@ def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints
 def _farthest_after(
     corners: Array, errors: Array, farthest: Array, surface: Swept, rates: PoseDerivatives, amount: float
 ) -> Array:
-    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,).
-
-    Where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
-    corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
-    `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
-    farther than |D| l, nor than the normal's parts across the axis and along it.
-    """
+    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,)."""
+    # where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
+    # corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
+    # `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
+    # farther than |D| l, nor than the normal's parts across the axis and along it
     moves = rates.at(corners.reshape(-1, 3)).reshape(*corners.shape[:2], -1, 3) if rates.spin else rates.first[:, :, 3]
     off, across = corners - surface.origin, np.eye(3)
     steep, slope = surface.line or (1.0, 0.0)

@@ -156,11 +156,9 @@ class Claim:
         return least_errors(self.proofs(pairs, poses), len(poses))
 
     def proofs(self, pairs: Array, poses: Array) -> list[Proof]:
-        """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,).
-
-        Where an error is small that part pair touches, and no deeper than twice the error: the common point is as near
-        to both parts, and the plane through it keeps all vertices of the two parts apart.
-        """
+        """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,)."""
+        # where an error is small that part pair touches, and no deeper than twice the error: the common point is as
+        # near to both parts, and the plane through it keeps all vertices of the two parts apart
         return [(host.parts, self._errors(host, pairs, poses)) for host in self._carriers]
 
     def flush(self, pairs: Array, poses: Array) -> Array:

@@ -158,10 +158,8 @@ def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
 
 
 def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
-    """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends.
-
-    One of those that are nearly alike, and none that is no more than rounding.
-    """
+    """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends."""
+    # one of those that are nearly alike, and none that is no more than rounding
     (start, end), (others, moved) = one, two
     both = np.concatenate([start, end]).reshape(-1, 3)
     low, high = both.min(axis=0), both.max(axis=0)
@@ -227,10 +225,8 @@ def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
 
 
 def _depth(points: Array, others: Array, ahead: Array) -> float:
-    """Return how far points must be shifted along a unit vector to leave the hull of others; 0 where it is not met.
-
-    The largest t >= 0 such that the hulls of points + t ahead and others meet: a linear program in their weights.
-    """
+    """Return how far points must be shifted along a unit vector to leave the hull of others; 0 where it is not met."""
+    # the largest t >= 0 such that the hulls of points + t ahead and others meet: a linear program in their weights
     from scipy.optimize import linprog
 
     n, m = len(points), len(others)

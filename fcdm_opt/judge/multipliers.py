@@ -39,10 +39,8 @@ def shows(solution: Solution, evidence: Multipliers) -> bool:
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check, ...]:
-    """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked.
-
-    The evidence is taken at its word in nothing.
-    """
+    """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked."""
+    # the evidence is taken at its word in nothing
     problem, claimed = solution.problem, solution.lower_bound
     k, n = len(problem.weights), len(evidence.boxes)
     shapes = evidence.boxes.shape == (n, 2, k) and evidence.motions.shape == (n, k) and n > 0

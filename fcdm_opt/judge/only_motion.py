@@ -110,10 +110,8 @@ def none_smaller(problems: Sequence[Problem], least: float) -> bool:
 
 @np.errstate(all="ignore")
 def none_shorter(problems: Sequence[Problem], least: float) -> bool:
-    """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask.
-
-    They have the same parameters, weights and limits. Clearances count as that parts do not overlap.
-    """
+    """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask."""
+    # they have the same parameters, weights and limits. Clearances count as that parts do not overlap
     if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
         return False
     weights, unit = problems[0].weights, np.eye(len(problems[0].weights))
@@ -150,10 +148,8 @@ def none_shorter(problems: Sequence[Problem], least: float) -> bool:
 
 
 def _shortest(rows: Array) -> tuple[float, Array]:
-    """Return a bound of the length of all y with g . y >= h, by the multipliers of the shortest, and that.
-
-    By non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
-    """
+    """Return a bound of the length of all y with g . y >= h, by the multipliers of the shortest, and that."""
+    # by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23)
     from scipy.optimize import nnls
 
     none = np.zeros(rows.shape[1] - 1)

@@ -280,11 +280,9 @@ def _deepest(own: _There, other: _There, band: float, without: _Closed, known: f
 
 
 def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> float:
-    """Return a bound of how deep points of a face lie behind another surface.
-
-    The height over a plane, a cylinder, a cone or a sphere is convex: over a triangle it is at most what it is at the
-    corners, and at least what its tangent plane at the middle is there.
-    """
+    """Return a bound of how deep points of a face lie behind another surface."""
+    # the height over a plane, a cylinder, a cone or a sphere is convex: over a triangle it is at most what it is at the
+    # corners, and at least what its tangent plane at the middle is there
     surface, corners = other.surfaces.of_each(k), own.corners[triangles]
     if np.isnan(surface.line[0]) and surface.ring > 0.0:
         return np.inf
@@ -300,10 +298,8 @@ def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> flo
 def _of_two(
     own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float, without: _Closed
 ) -> float:
-    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
-
-    Of plane faces without points at the edge of a contact that does not count; minus infinity without others.
-    """
+    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known."""
+    # of plane faces without points at the edge of a contact that does not count; minus infinity without others
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])

@@ -190,10 +190,8 @@ class Task:
         return made
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
-        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
-
-        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `untracked`.
-        """
+        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion."""
+        # the lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `untracked`
         pose, asked = self.pose(q), (*self.tracked, *self.untracked)
         lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
         rows = np.array([line.line for line in lines])
@@ -599,13 +597,11 @@ class Task:
         return np.linspace(1.0, 0.0, count + 1)[:count].tolist()
 
     def _telling_shift(self, q: Array) -> Sequence[float] | None:
-        """Return these of a motion that shifts: every separation along a facet direction is linear on the way.
-
-        So a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
-        elements share something on the way if they do at both ends: it is convex in place and position together. Where
-        what they share lies on several faces of a body, its name is looked at all along. None where several parts take
-        turns at one of these.
-        """
+        """Return these of a motion that shifts: every separation along a facet direction is linear on the way."""
+        # so a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
+        # elements share something on the way if they do at both ends: it is convex in place and position together.
+        # Where what they share lies on several faces of a body, its name is looked at all along. None where several
+        # parts take turns at one of these
         (before, start, _), (rho, pose, tracked) = self.tracked_contact(q, 0.0), self.tracked_contact(q)
         if not (np.isfinite(rho).all() and min(rho.min(), before.min()) > 0):
             return None
@@ -705,10 +701,8 @@ class Task:
 
 
 def lines_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:
-    """Return the lines that say together that a contact's own elements meet.
-
-    One of a vertex and a face or of two edges, two of a vertex and an edge, three of two vertices.
-    """
+    """Return the lines that say together that a contact's own elements meet."""
+    # one of a vertex and a face or of two edges, two of a vertex and an edge, three of two vertices
     kept = independent(joint.normals)
     both = zip(joint.sites[kept].tolist(), joint.normals[kept], strict=True)
     return tuple(feature_points(movable, static, tuple(site), joint.parts, n, np.eye(3)) for site, n in both)
@@ -723,10 +717,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:
-    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way.
-
-    A parameter whose limits exclude zero keeps them.
-    """
+    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way."""
+    # a parameter whose limits exclude zero keeps them
     if not seats or problem.path != "coherent":
         return problem.limits
     still = held(seats, problem.motion, problem.movable, problem.static)

@@ -137,11 +137,9 @@ class Exchange:
         return [own._replace(points=own.points + within[: len(own.points)])]
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
-        """Return where true faces meet after the least motion near one after which the parts touch.
-
-        Parts that are exact at two points alone touch there whatever their normals are; true faces may do so after a
-        smaller motion, which is sought by sequential quadratic programming (SLSQP) on their gap and its slopes.
-        """
+        """Return where true faces meet after the least motion near one after which the parts touch."""
+        # parts that are exact at two points alone touch there whatever their normals are; true faces may do so after a
+        # smaller motion, which is sought by sequential quadratic programming (SLSQP) on their gap and its slopes
         facets, start = self.facets, np.array([*found.parameters.values()])
         assert found.transform is not None
         seed, scale = facets.movable.seed, float(facets.target[0])
@@ -178,12 +176,10 @@ class Exchange:
         return [own for own in near if not self.has(own)]
 
     def balanced(self, q: Array, sign: float) -> Array | None:
-        """Return the least motion next to one, by Newton's method on its optimality conditions; None if it is that.
-
-        There y = W q, of length 1, is a sum of multipliers times the slopes by y of gaps that are 0: of `sign` 1 where
-        these keep parts apart, -1 of the one that they close. How slopes change is taken by differences. A motion
-        counts only where it leaves less of the conditions open.
-        """
+        """Return the least motion next to one, by Newton's method on its optimality conditions; None if it is that."""
+        # there y = W q, of length 1, is a sum of multipliers times the slopes by y of gaps that are 0: of `sign` 1
+        # where these keep parts apart, -1 of the one that they close. How slopes change is taken by differences. A
+        # motion counts only where it leaves less of the conditions open
         facets, size = self.facets, float(np.linalg.norm(self.facets.weights * q))
         free = (q > facets.limits[:, 0]) & (q < facets.limits[:, 1])
         if facets.amount != "weighted" or np.count_nonzero(free) < 2 or not size > self._slack:

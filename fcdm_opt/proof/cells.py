@@ -187,10 +187,8 @@ def _set_lines(T, features, target, lines):
 
 @kernel
 def _set_crossing(lines, determinant, excess):
-    """Set the determinant D of two lines, and D times how far beyond the target pair they cross.
-
-    With the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on.
-    """
+    """Set the determinant D of two lines, and D times how far beyond the target pair they cross."""
+    # with the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on
     determinant[:], excess[:] = 0.0, 0.0
     for k in range(2):
         sign = 1.0 - 2.0 * k
@@ -290,11 +288,9 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
 @light
 @kernel
 def left_cells(T, features, target, first, second, margin, codes, witness):
-    """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
-
-    The direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
-    tracked scales of the cell's centre.
-    """
+    """Tell where another direction keeps the tracked part pair apart at the tracked scale pair."""
+    # the direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
+    # tracked scales of the cell's centre
     m = T.shape[2]
     lines, determinant, excess = np.zeros((2, 4, m)), np.zeros(m), np.zeros((2, m))
     n, site, other, rest, height = np.zeros((3, m)), np.zeros(FEATURE), np.zeros((3, m)), np.zeros(m), np.zeros(m)

@@ -316,12 +316,10 @@ class Start:
 
 
 def phase_one(program: Program) -> Start:
-    """Return a basis with non-negative weights, and whether there is an excluding direction.
-
-    The artificial column A = -(c_1 + c_2 + c_3) of three independent columns makes a first basis. Its weight is brought
-    down: at 0 the other weights are a solution, and below 0 there is no excluding direction n, as n.c <= 0 for all
-    columns leaves n.A > 0. So A stays in the basis with a weight of either sign, until that is settled.
-    """
+    """Return a basis with non-negative weights, and whether there is an excluding direction."""
+    # the artificial column A = -(c_1 + c_2 + c_3) of three independent columns makes a first basis. Its weight is
+    # brought down: at 0 the other weights are a solution, and below 0 there is no excluding direction n, as n.c <= 0
+    # for all columns leaves n.A > 0. So A stays in the basis with a weight of either sign, until that is settled
     basis, feasible = _artificial(program), None
     while True:
         row = basis.rows[3]
