@@ -402,10 +402,8 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
 
 
 def covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
-    """Tell whether convex regions hold the ends and middles of segments, or points: what touches there is their border.
-
-    Parts that are cut where a larger contact goes on have such contacts of their own.
-    """
+    """Tell whether convex regions hold ends and middles of segments, or points: what touches there is their border."""
+    # parts that are cut where a larger contact goes on have such contacts of their own
     low, high = (np.array([end(region, axis=0) for region in regions]) for end in (np.min, np.max))
     points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
     for point in points:

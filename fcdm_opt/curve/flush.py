@@ -144,11 +144,9 @@ class Flush:
 
 
 def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]:
-    """Return the flush contacts of two bodies as drawn at a scale pair on their curve, once for each pair of elements.
-
-    Seams between parts count for nothing: they are no faces of the bodies. Edges on the border of a larger contact are
-    no contact of their own.
-    """
+    """Return the flush contacts of two bodies as drawn at a scale pair on their curve, once per pair of elements."""
+    # seams between parts count for nothing: they are no faces of the bodies. Edges on the border of a larger contact
+    # are no contact of their own
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
     reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]

@@ -455,11 +455,9 @@ def _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2):
 
 @step
 def _track(reals1, reals2, frame, forward, kind, apex):
-    """Return the normal q of the plane in which the contact point moves, in the axes of the body whose edges it meets.
-
-    rho_1 x = d + rho_2 apex keeps it in the plane of d and the apex: it stays on q.x = 0. Seen from outside the face, q
-    points to the left of its way, so it leaves over the side that runs, counter-clockwise, from q.x < 0 to q.x > 0.
-    """
+    """Return the normal q of the plane in which the contact point moves, in axes of the body whose edges it meets."""
+    # rho_1 x = d + rho_2 apex keeps it in the plane of d and the apex: it stays on q.x = 0. Seen from outside the face,
+    # q points to the left of its way, so it leaves over the side that runs, counter-clockwise, from q.x < 0 to q.x > 0
     if kind == F1V2:
         q = _cross(_at(reals2, apex), _entry(frame, D))
         return _times(forward, _turned_back(frame, R, q))
@@ -648,11 +646,9 @@ def _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, tw
 
 @step
 def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
-    """Return (kind, i, j) of the site beyond a corner, kind -1 where it cannot tell; E1E2: half-edges, n along i x j.
-
-    The contact has come to an edge (half-edge h, the face of the last site on its left) and a vertex: next is the first
-    crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end.
-    """
+    """Return (kind, i, j) of the site beyond a corner, kind -1: cannot tell; E1E2: half-edges, n along i x j."""
+    # the contact has come to an edge (half-edge h, the face of the last site on its left) and a vertex: next is the
+    # first crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end
     if meets == F1V2:
         face = _half_edge(ints1, h ^ 1, FACE)
         target = _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))
@@ -913,11 +909,9 @@ _HORIZON, _RHO_1, _RHO_2 = 1e6, -2, -3  # scales beyond which no walk round a re
 
 @step
 def _conflict(reals1, ints1, reals2, ints2, frame, rows, last, corners, owner, count):
-    """Tell whether row `last`, which leaves nothing of a polygon, excludes it and every other scale pair for certain.
-
-    At the corner that it misses least, its gradient is balanced by those of the rows that meet there: their directions,
-    so weighted, add up to one that separates the parts at all positive scales.
-    """
+    """Tell whether row `last`, which leaves nothing of a polygon, excludes it and each other scale pair for certain."""
+    # at the corner that it misses least, its gradient is balanced by those of the rows that meet there: their
+    # directions, so weighted, add up to one that separates the parts at all positive scales
     a, b, c = rows[last, 3], rows[last, 4], rows[last, 5]
     best, m = -_INF, 0
     for k in range(count):

@@ -32,11 +32,9 @@ class TightLine(NamedTuple):
 
 @lru_cache(maxsize=POINTS)
 def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
-    """Return the contact lines that meet at a switching point, one a feature: those of its segments, then all others.
-
-    Those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
-    bring any of them to the curve.
-    """
+    """Return the contact lines that meet at a switching point, one a feature: those of its segments, then others."""
+    # those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
+    # bring any of them to the curve
     movable, static = point.bodies
     sides = zip(point.features, point.pieces, strict=True)
     found = {name: TightLine(name, own.parts, own.site, own.normal, own.line) for name, own in sides}

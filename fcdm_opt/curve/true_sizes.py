@@ -45,10 +45,8 @@ ROLES = "movable", "static"
 def touching_true_faces(
     movable: Body, static: Body, sizes: Sequence[Size], *, transform: Any = None, **how: Any
 ) -> TouchingSizes:
-    """Return the sizes at which two bodies touch at a pose, see `TouchingSizes.of`: of true faces where they are known.
-
-    Bodies that are exact at points are taken for those that they stand for, and made exact anew.
-    """
+    """Return the sizes at which two bodies touch at a pose, see `TouchingSizes.of`: of true faces where known."""
+    # bodies that are exact at points are taken for those that they stand for, and made exact anew
     one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
     at_all, every_row = TrueSizes.of(one, two, sizes, how.get("carried")), how.get("least", True)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)

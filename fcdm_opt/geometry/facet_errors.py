@@ -345,10 +345,8 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
 
 
 def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> ConvexPart:
-    """Return a part whose facets were moved, with the drawn part's names where facets stay: a plane remains one face.
-
-    Edges keep theirs where both their facets stay, and corners where all do, unless the part is of other facets now.
-    """
+    """Return a part with facets moved, with the drawn part's names where facets stay: a plane remains one face."""
+    # edges keep theirs where both their facets stay, and corners where all do, unless the part is of other facets now
     alike = np.eye(len(shift), dtype=bool)
     if made.loops is not drawn.loops:
         alike = made.normals @ drawn.normals.T >= 1.0 - DEFAULT.nominal

@@ -65,10 +65,8 @@ def least_vector(rows: Array, levels: Array) -> Array | None:
 
 
 def nearest_mixture(points: Array) -> Array:
-    """Return shares of points, (n, 3), not negative and with sum 1, that mix the point of their hull nearest to zero.
-
-    By least squares with shares that are not negative, whose sum comes near 1: over it, they are those.
-    """
+    """Return shares of points, (n, 3), not negative, with sum 1, that mix the point of their hull nearest to zero."""
+    # by least squares with shares that are not negative, whose sum comes near 1: over it, they are those
     from scipy.optimize import nnls
 
     shares = nnls(np.vstack([points.T, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))[0]

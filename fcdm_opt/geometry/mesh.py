@@ -272,10 +272,9 @@ def _outward(surface: Faces, triangles: Ints, owner: Ints, slack: float, key: st
 
 
 def _shells(surface: Faces) -> Ints:
-    """Return for each face the number of its closed surface: those that edges of two faces connect, if they are closed.
-
-    Others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on face.
-    """
+    """Return for each face the number of its closed surface: those that edges of two faces connect, if closed."""
+    # others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on
+    # face
     sides = Sides.of(surface.polygons)
     order = np.argsort(sides.edge, kind="stable")
     links = np.column_stack([order[1:], order[:-1]])[np.diff(sides.edge[order]) == 0]

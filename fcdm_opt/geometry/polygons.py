@@ -315,11 +315,9 @@ class Sides:
         return pairs
 
     def sections(self, points: Array, pairs: Ints) -> tuple[Array, Array, Array]:
-        """Return the section across edges of two triangles each: along them, and to the corners opposite, (m, 3) each.
-
-        Rounding is of the order of the lengths there, however slim the triangles are. The first one of a pair is to
-        the left of the edge.
-        """
+        """Return the section across edges of two triangles each: along them, and to corners opposite, (m, 3) each."""
+        # rounding is of the order of the lengths there, however slim the triangles are. The first one of a pair is to
+        # the left of the edge
         one, two = pairs.T
         opposite = self.origin.reshape(-1, 3)[:, [2, 0, 1]].ravel()
         base = points[self.origin[one]]

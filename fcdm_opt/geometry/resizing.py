@@ -313,10 +313,8 @@ def each_resized(bodies: Mapping[str, Body], values: Mapping[Size, float]) -> di
 
 
 def _surface_resized(body: Body, offsets: Array) -> Body:
-    """Return a body kept as its surface with its faces moved outward, (faces,): corners stay where the same faces meet.
-
-    Faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn.
-    """
+    """Return a body kept as its surface with faces moved outward, (faces,): corners stay where the same faces meet."""
+    # faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     places = (body.vertices + _surface_moves(body, offsets))[: triangles.max() + 1]  # the parts' apexes come after
     surface = surface_with_corners(body, places)
@@ -535,10 +533,8 @@ def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | No
 
 
 def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface) -> Body | None:
-    """Return a solid with vertices elsewhere, what its parts' elements belong to as drawn; None where faces are others.
-
-    So where elements lie is looked for once a body, and not at each of its sizes.
-    """
+    """Return a solid with vertices elsewhere, elements of its parts as drawn; None where faces are others."""
+    # so where elements lie is looked for once a body, and not at each of its sizes
     if tuple(tuple(sorted(row + 1 for row in face)) for face in surface.faces) != body.faces:
         return None
     row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}

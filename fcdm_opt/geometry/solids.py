@@ -160,10 +160,8 @@ def _sign(x: Fraction) -> int:
 
 
 def kept_as_surface(*bodies: Body) -> bool:
-    """Tell whether the parts of some bodies leave out what is inside their solids, or some of the parts are left out.
-
-    Then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`.
-    """
+    """Tell whether parts of some bodies leave out what is inside their solids, or some of the parts are left out."""
+    # then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`
     return any(body.is_surface or body.full_body is not None for body in bodies)
 
 
@@ -226,10 +224,8 @@ class PlacedSolids:
 
     @cached_property
     def nested(self) -> int:
-        """How many closed surfaces of either solid lie inside the other: corners of theirs do, and none lies outside.
-
-        Of solids whose surfaces do not cross it tells whether they overlap.
-        """
+        """How many closed surfaces of either solid lie inside the other: corners of theirs do, none lies outside."""
+        # of solids whose surfaces do not cross it tells whether they overlap
         return sum(self._holds(1 - one, one, rows) for one in range(2) for rows in self._own[one].shells)
 
     def _holds(self, which: int, other: int, rows: Ints) -> bool:

@@ -174,12 +174,10 @@ class Swept(NamedTuple):
         return np.stack([np.where(turned, -low, high), np.where(turned, high, -low)], axis=1)
 
     def offsets(self, corners: Array) -> Array:
-        """Return by how much planes of such triangles are to be moved, inward and outward, to clear the face, (m, 2).
-
-        A facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
-        the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
-        what is left where the rim is cut off at more than 27 degrees.
-        """
+        """Return by how much planes of such triangles are to be moved, inward and outward, to clear a face, (m, 2)."""
+        # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
+        # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
+        # what is left where the rim is cut off at more than 27 degrees
         left = self.left_by_each(corners)
         if self.line is None:
             return left

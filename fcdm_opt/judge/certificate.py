@@ -632,11 +632,9 @@ class _Judge:
         return bool(self.problem.contacts)
 
     def sides(self) -> list[Check]:
-        """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.
-
-        Other parts may close where these open: that they do not overlap where they are is checked there. But a goal
-        that tracks no contact has all of them claimed: what touches besides must open with one of the claimed.
-        """
+        """Check that each contact opens on one side of its line and overlaps on the other, by parts that carry it."""
+        # other parts may close where these open: that they do not overlap where they are is checked there. But a goal
+        # that tracks no contact has all of them claimed: what touches besides must open with one of the claimed
         if not self.claims:
             return []
         sides = [side for claim in self.claims if (side := self._side(claim)) is not None]

@@ -121,10 +121,8 @@ class _Seen(NamedTuple):
 
 
 def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
-    """Return facets of the first that look ahead and may cross ones of the second that look back, (k, 2), widest first.
-
-    Those that cross are ahead before, or behind by no more than the length of the way, and behind after it.
-    """
+    """Return which facets that look ahead may cross ones of the second that look back, (k, 2), widest first."""
+    # those that cross are ahead before, or behind by no more than the length of the way, and behind after it
     rows, low, high = list[Ints](), list[Array](), list[Array]()
     for own, sign, spare in ((one, 1.0, length), (two, -1.0, 0.0)):
         facing = np.flatnonzero(sign * own.areas > slack * slack)
@@ -156,11 +154,9 @@ def _meeting(low: list[Array], high: list[Array]) -> tuple[Ints, Ints]:
 
 
 def _lines(one: _Seen, two: _Seen, pairs: Ints, length: float) -> tuple[Array, Array]:
-    """Return a line through what each pair of facets has in common as seen along the way, (k, 2), and its slack, (k,).
-
-    Where the second is ahead of the first before, or behind by no more than the length, and behind it after; none for
-    pairs without such a place. The slack is half of how far what meets there is displaced across the way.
-    """
+    """Return a line through what each pair of facets shares as seen along the way, (k, 2), and its slack, (k,)."""
+    # where the second is ahead of the first before, or behind by no more than the length, and behind it after; none for
+    # pairs without such a place. The slack is half of how far what meets there is displaced across the way
     i, j = pairs.T
     corners = one.flat[i][:, :, None], two.flat[j][:, None]
     sides = corners[0][:, NEXT] - corners[0], corners[1][:, :, NEXT] - corners[1]

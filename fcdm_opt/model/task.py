@@ -526,10 +526,8 @@ class Task:
         return float(gaps[:, : len(self.static.parts)].min())
 
     def way_between(self, parts: Parts, q: Array) -> Array:
-        """Return the direction along which two parts are their distance apart; of parts that overlap, that of a facet.
-
-        The differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0.
-        """
+        """Return the direction along which two parts are their distance apart; of overlapping parts, of a facet."""
+        # the differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0
         _, rows, gaps = self.separations(parts, self.pose(q))
         way = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
         return frozen(rows[gaps.argmax(), :3]) if way is None else way

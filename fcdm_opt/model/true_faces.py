@@ -114,11 +114,9 @@ class Exchange:
         return {role: [*known, *own] for (role, known), own in zip(self.points.items(), new, strict=True)}
 
     def met(self, transform: Array) -> list[NearestPoints]:
-        """Return the points that a motion moves towards each other most of those where parts touch after it, or none.
-
-        Each half as far within as they overlap, by rounding: line to line, parts fit. Points that only slide on each
-        other, as beside a pin that is moved in its bore, would be as near before and after.
-        """
+        """Return the points, of those where parts touch after a motion, that it moves together most, or none."""
+        # each half as far within as they overlap, by rounding: line to line, parts fit. Points that only slide on each
+        # other, as beside a pin that is moved in its bore, would be as near before and after
         facets, scale = self.facets, float(self.facets.target[0])
         seed = facets.movable.seed
 
@@ -222,10 +220,8 @@ class Exchange:
         return None if best is start else unit * best
 
     def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
-        """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
-
-        It is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so.
-        """
+        """Make the parts exact also where points of two rounds lead to, as if each left the same share of the gap."""
+        # it is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so
         near, bodies = FAR * self.facets.size, (self.facets.movable, self.facets.static)
         for own in found:
             last = min(before, key=lambda other: float(norms(own.points[0] - other.points[0])), default=own)
@@ -351,11 +347,9 @@ def points_of_true_faces(
 
 
 def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last: bool) -> Answer:
-    """Return an answer with the least motion on true faces next to its own, where the parts are exact at some points.
-
-    Between these the motion of the least amount is known only to the root of what an amount is known to. Before the
-    `last` one of several questions only where parts are to touch: to one that parts them, others lead as fast.
-    """
+    """Return an answer with the least motion on true faces next to its own, where parts are exact at some points."""
+    # between these the motion of the least amount is known only to the root of what an amount is known to. Before the
+    # `last` one of several questions only where parts are to touch: to one that parts them, others lead as fast
     asked = Exchange.of(problem) if problem.exact_at and answer.q is not None else None
     if asked is None:
         return answer

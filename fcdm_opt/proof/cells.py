@@ -478,10 +478,8 @@ def _set_excess(T, body, start, along, normals, levels, excess, rates):
 
 @kernel
 def _moving(excess, rates, place):
-    """Let a place on an edge move with the middle of what is inside, each end of which moves as the face that cuts it.
-
-    It is held where it would leave its edge.
-    """
+    """Let a place on an edge move with the middle of what is inside, each end as the face that cuts it."""
+    # it is held where it would leave its edge
     m = len(place)
     for sense in range(2):
         edge_place, face = float(sense), -1
