@@ -142,10 +142,8 @@ class _PartsAlike:
         return False
 
     def element(self, vertices: Sequence[int], n: Array) -> tuple[int, ...]:
-        """Return vertices of an element, those of a face in the order of its loop; of a corner's the farthest along n.
-
-        A corner that splits becomes several.
-        """
+        """Return vertices of an element, of a face in the order of its loop; of a corner's the farthest along n."""
+        # a corner that splits becomes several
         if len(vertices) > 2:
             facet = next(k for k, loop in enumerate(self.drawn.loops) if set(loop) == set(vertices))
             return self.made.loops[self.face(facet)]

@@ -85,10 +85,8 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
 def facing(
     one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array, normal: Array, gap: float
 ) -> Contact:
-    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it.
-
-    Arguments as `located` takes them; `normal` from 1 to 2, unit.
-    """
+    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it."""
+    # arguments as `located` takes them; `normal` from 1 to 2, unit
     return located(one, two, np.append(pose[:9], pose[9:] - gap * normal), contact, rho)
 
 
@@ -123,10 +121,8 @@ def kind_and_row(part: ConvexPart, own: Vertices) -> tuple[str, int]:
 def supporting_contact(
     one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, slack: float = DEFAULT.tie
 ) -> Contact:
-    """Return the elements with which the parts support each other along a direction from 1 to 2.
-
-    `slack`: heights this near, relative to the part's size, count as equal.
-    """
+    """Return the elements with which the parts support each other along a direction from 1 to 2."""
+    # `slack`: heights this near, relative to the part's size, count as equal
     tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
     return contact_between(one, two, pose, *tops)
 
@@ -325,10 +321,8 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
 
 
 def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
-    """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
-
-    `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`.
-    """
+    """Tell whether a facet of two parts' Minkowski difference is one of their solids', not of a cut between parts."""
+    # `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`
     kind, *rows = site.tolist()
     return all(
         (element := part.elements[letter][row]).kind == letter and body.owns(element)
@@ -338,10 +332,8 @@ def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Int
 
 
 def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
-    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is.
-
-    `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first.
-    """
+    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is."""
+    # `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first
     deep, start = 0.0, 0
     for part, element in ((one, contact.feature.one), (two, contact.feature.two)):
         own = part.carriers(element) if element.kind == "F" else []

@@ -70,10 +70,8 @@ class Flush:
 
     @cached_property
     def turns(self) -> tuple[tuple[Array, Array], ...]:
-        """Unit directions (m, p), p carried by body 1: turned by R the elements are parallel iff every m . R p = 0.
-
-        An edge on a face: n . e = 0. Face on face: n_1 = -n_2, in two components.
-        """
+        """Unit directions (m, p), p carried by body 1: turned by R the elements are parallel iff every m . R p = 0."""
+        # an edge on a face: n . e = 0. Face on face: n_1 = -n_2, in two components
         one, two = self._pair
         if len(self.contact.one) == 2:
             return ((self.normal, _direction(one, self.contact.one)),)
@@ -100,10 +98,8 @@ class Flush:
         return replace(self, carriers=tuple(_carriers(movable, static, touching)) or self.carriers)
 
     def misfit(self, pose: Array, rho: Array) -> float:
-        """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
-
-        At a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,).
-        """
+        """Return how far the elements' vertices are from one plane, a length: 0 where they are flush."""
+        # at a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,)
         one, two = self._pair
         n = self._normal_at(pose)
         elements = placed_elements(one, two, pose, self.contact, rho)

@@ -388,10 +388,8 @@ def _left_through(reals, ints, ray):
 
 @step
 def _seed_ray(reals, ints, ray):
-    """Return (state, face in, face out): where a ray from the seed enters a part, -1 from a seed inside, and leaves it.
-
-    State 0: missed, 1: hit, 2: cannot tell.
-    """
+    """Return (state, face in, face out) where a ray from the seed enters a part, -1 for one inside, and leaves it."""
+    # state 0: missed, 1: hit, 2: cannot tell
     out = _left_through(reals, ints, ray)
     if out < 0:
         return (0 if out == -1 else 2), -1, -1
@@ -481,11 +479,9 @@ def _way_out(reals, ints, face, q, bound):
 
 @step
 def _corner(reals1, ints1, reals2, ints2, frame, forward, kind, h, apex, before, after):
-    """Return (state, rho_1, rho_2) where an edge meets a vertex.
-
-    State 1: they touch for certain; 0: surely at no pair of positive scales; -1: cannot tell. Kind F1V2: half-edge of
-    part 1 and vertex of part 2, V1F2 the other way round; `before` < 0 < `after`: q.x at its ends, see `_track`.
-    """
+    """Return (state, rho_1, rho_2) where an edge meets a vertex."""
+    # state 1: they touch for certain; 0: surely at no pair of positive scales; -1: cannot tell. Kind F1V2: half-edge of
+    # part 1 and vertex of part 2, V1F2 the other way round; `before` < 0 < `after`: q.x at its ends, see `_track`
     if kind == F1V2:
         a, b, _, _ = _side(ints1, h)
         w = _turned(frame, COFACTORS, _cross(_at(reals1, a), _at(reals1, b)))
@@ -524,10 +520,8 @@ def _fine_corner(reals1, ints1, reals2, ints2, frame, forward, kind, a, b, apex)
 
 @step
 def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
-    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain.
-
-    `slack`: bound of spokes per unit of radius.
-    """
+    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain."""
+    # `slack`: bound of spokes per unit of radius
     a, b, left, _ = _side(ints1, h1)
     u, v, over, _ = _side(ints2, h2)
     right, under = _half_edge(ints1, h1 ^ 1, FACE), _half_edge(ints2, h2 ^ 1, FACE)
@@ -1282,10 +1276,8 @@ def _add(witness, x, y, weight, p):
 
 @step
 def _true_row(reals1, ints1, reals2, ints2, frame, site, row):
-    """Replace the row of a site beside by that at the true pose.
-
-    Return 1 where its features are extreme there, 0 where they are not, -1 where something is nearly a tie.
-    """
+    """Replace the row of a site beside by that at the true pose."""
+    # return 1 where its features are extreme there, 0 where they are not, -1 where something is nearly a tie
     kind, i, j = site[0], site[1], site[2]
     extreme = -1
     if kind != E1E2:
@@ -1869,10 +1861,8 @@ def _list(sites, rows, k, kind, i, j, row):
 @light
 @kernel
 def least_separation(reals1, ints1, reals2, ints2, pose, rho):
-    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2.
-
-    Minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart.
-    """
+    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2."""
+    # minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart
     rows = facet_rows(reals1, ints1, reals2, ints2, pose)[1]
     best = -_INF
     for k in range(len(rows)):
@@ -1898,11 +1888,9 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
 @light
 @kernel
 def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
-    """Return the row of a site at a pose; parallel edges give nan.
-
-    `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
-    facet.
-    """
+    """Return the row of a site at a pose; parallel edges give nan."""
+    # `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
+    # facet
     frame, row = np.empty(FRAME), np.full(6, np.nan)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
     kind, i, j = site[0], site[1], site[2]
@@ -2000,11 +1988,9 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
 @light
 @kernel
 def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, along, need, level):
-    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions.
-
-    (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
-    are. Directions that the way changes by no more than `level` are those all along.
-    """
+    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions."""
+    # (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
+    # are. Directions that the way changes by no more than `level` are those all along
     found = np.empty((len(pairs), 4))
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -2066,10 +2052,8 @@ def _direction(way):
 @light
 @kernel
 def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
-    """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs times ways, 3), largest |a| and |b|.
-
-    The last is from the middle of the one part to that of the other at a scale pair.
-    """
+    """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs x ways, 3), largest |a| and |b|."""
+    # the last is from the middle of the one part to that of the other at a scale pair
     n1, n2, d = len(places1) - 1, len(places2) - 1, _entry(pose, 9)
     lines, most1, most2 = np.empty((n1 * n2 * _WAYS, 3)), 0.0, 0.0
     middles1, middles2 = _middles(reals1, ints1, places1), _middles(reals2, ints2, places2)

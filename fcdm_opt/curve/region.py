@@ -212,10 +212,8 @@ class Region:
         return [piece for chain in self.chains for piece in chain]
 
     def sides(self, pairs: Array) -> Ints:
-        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right.
-
-        Scale pairs, (n, 2), are all positive.
-        """
+        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right."""
+        # scale pairs, (n, 2), are all positive
         if self.surely_empty:
             return np.ones(len(pairs), np.int64)
         lines = self.lines

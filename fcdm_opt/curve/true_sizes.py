@@ -141,10 +141,8 @@ class TrueContact(NamedTuple):
 def ends_of_line(
     near: NearestPoints | TrueContact, faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
 ) -> Array:
-    """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3).
-
-    Those given where there is no such line.
-    """
+    """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3)."""
+    # those given where there is no such line
     seed, moved = faces[0].body.seed, pose.copy()
     moved[:3, 3] += near.gap * near.normal
     point = moved[:3, :3] @ (seed + scales[0] * (near.points[0] - seed)) + moved[:3, 3]

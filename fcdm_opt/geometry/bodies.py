@@ -809,10 +809,8 @@ def about(seed: Array, scale: float) -> Array:
 
 
 def in_full(given: Any, poses: Array) -> Array:
-    """Return poses, (..., 4, 4), that were given in single precision with the nearest rotations in full; others as is.
-
-    What is no rotation to within single precision stays as it is.
-    """
+    """Return poses, (..., 4, 4), given in single precision with the nearest rotations in full; others as is."""
+    # what is no rotation to within single precision stays as it is
     if getattr(given, "dtype", None) != np.float32 or poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
         return poses
     left, _, right = np.linalg.svd(poses[..., :3, :3])

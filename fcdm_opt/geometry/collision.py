@@ -160,18 +160,13 @@ class ScaledPair:
         return judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * frames[:, judging.UNIT]
 
     def lower_bounds(self, pairs: ArrayLike, transforms: Array) -> Array:
-        """Return what the distance is not less than, (k,), by spheres about the parts or, where these meet, by faces.
-
-        Cheaper than `least_separations`; arguments as there.
-        """
+        """Return bounds below `least_separations`, (k,), more cheaply: by spheres about the parts, else by faces."""
         frames = self._framed(pairs, transforms)
         return judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
 
     def separation_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
-        """Return the least over the part pairs of the largest gap along a face normal of either, length.
-
-        Once a pair has no more than `enough`, that; 0 for more than `MOST_PAIRS` pairs, which take long.
-        """
+        """Return the least over the part pairs of the largest gap along a face normal of either, length."""
+        # once a pair has no more than `enough`, that; 0 for more than `MOST_PAIRS` pairs, which take long
         if self.count > MOST_PAIRS:
             return 0.0
         frame, least = self._framed(np.asarray(rho)[None], transform[None]), np.inf
@@ -250,11 +245,9 @@ class ScaledPair:
         return float(least[0] * frame.unit)
 
     def gradients(self, rho: ArrayLike, transform: Array, slack: float) -> Array:
-        """Return how fast the separation of touching parts falls as the scales grow, (k, 2).
-
-        One row for each face normal and edge x edge direction along which a part pair that touches, to within `slack`,
-        is no more than `slack` away from touching.
-        """
+        """Return how fast the separation of touching parts falls as the scales grow, (k, 2)."""
+        # one row for each face normal and edge x edge direction along which a part pair that touches, to within
+        # `slack`, is no more than `slack` away from touching
         frame = self._frame(rho, transform)
         found = [np.empty((0, 2))]
         for one, two in product(*self._hulls):

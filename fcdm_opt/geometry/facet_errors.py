@@ -51,10 +51,8 @@ ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours
 
 
 def facet_errors(body: Body) -> Array | None:
-    """Return how far each face sticks out of the surface that it stands for, and falls short of it, (faces, 2).
-
-    0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then.
-    """
+    """Return how far each face sticks out of the surface that it stands for, and falls short of it, (faces, 2)."""
+    # 0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then
     body = body.full_body or body
     return _recognised(body) if body.facet_errors is None else body.facet_errors
 
@@ -283,10 +281,8 @@ def _squared(form: Array, steps: Array) -> Array:
 
 @cached_of_whole
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
-    """Return a body that the true one holds, and one that holds it; the body itself where its faces are true.
-
-    None where none are known.
-    """
+    """Return a body that the true one holds, and one that holds it; the body itself where its faces are true."""
+    # none where none are known
     errors = facet_errors(body)
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
     return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
@@ -486,10 +482,8 @@ def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags,
 
 
 def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
-    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most.
-
-    (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`.
-    """
+    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most."""
+    # (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`
     bodies = movable, *others
     if any(own.exact is not None for own in bodies):  # at the points that tell their gaps
         return 0.0, 0.0
@@ -500,10 +494,8 @@ def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
 
 
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
-    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
-
-    None where they are not, see `gaps_off`.
-    """
+    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why."""
+    # none where they are not, see `gaps_off`
     out, short = gaps_off(movable, others)
     if not max(out, short) > 0.0:
         return []

@@ -136,10 +136,8 @@ def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
 
 
 def flat_groups(local: Array, triangles: Ints, sides: Sides) -> Ints:
-    """Return for each triangle of a surface the first of those that lie in one plane with it, one beside the other.
-
-    `local` are its corners in units of its size.
-    """
+    """Return for each triangle of a surface the first of those that lie in one plane with it, one beside the other."""
+    # `local` are its corners in units of its size
     along, c, d = sides.sections(local, sides.pairs)
     fold = np.abs((along * cross(c, d)).sum(axis=1))  # both within `planarity` of the plane of one of them
     joined = (fold <= DEFAULT.planarity * np.maximum(norms(c), norms(d))) & ((c * d).sum(axis=1) < 0)

@@ -83,10 +83,8 @@ def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
 
 
 def corners_within(normals: Array, levels: Array, near: float) -> Array | None:
-    """Return the corners of half-spaces n . x <= level, (n, 3), some more than once; None where hardly a ball fits in.
-
-    `near`: radius up to which one hardly does.
-    """
+    """Return the corners of half-spaces n . x <= level, (n, 3), some repeated; None where hardly a ball fits in."""
+    # `near`: radius up to which one hardly does
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     middle, radius = largest_ball(normals, levels)

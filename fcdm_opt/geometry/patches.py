@@ -202,10 +202,8 @@ class TrueFaces:
         return {(k, hole): middles[(both == (k, hole)).all(axis=1)] for k, hole in pairs}
 
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
-        """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,).
-
-        Nothing is there. `near`: how far beyond the rim corners may be.
-        """
+        """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
+        # nothing is there. `near`: how far beyond the rim corners may be
         patches, middles = [self.patches[k] for k in (plane, hole)], self.rims[plane, hole]
         free = (patches[1].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
         outward = units(onto(middles, [own.surface for own in patches]) - middles)

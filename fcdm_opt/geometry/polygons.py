@@ -294,10 +294,8 @@ class Sides:
         return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
 
     def wedges(self, points: Array, normals: Array, edge: int, *, inwards: bool) -> list[tuple[int, int]]:
-        """Return the pairs of polygons between which the material at an edge lies, by their normals out of or into it.
-
-        Where they are not as many one way round as the other, each two after another.
-        """
+        """Return the pairs of polygons between which material at an edge lies, by their normals out of or into it."""
+        # where they are not as many one way round as the other, each two after another
         own = np.flatnonzero(self.edge == edge)
         ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
         along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]

@@ -61,10 +61,8 @@ class MovingPart:
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
-        """How deep each corner lies inside each facet as drawn, (t, f), and how that changes by size, (t, f, k).
-
-        Infinite for the facets that the corner's vertex is on.
-        """
+        """How deep each corner lies inside each facet as drawn, (t, f), and how that changes by size, (t, f, k)."""
+        # infinite for the facets that the corner's vertex is on
         part = self.part
         depth = part.levels - self.points @ part.normals.T
         on = np.zeros((len(part.vertices), len(part.loops)), bool)
@@ -131,7 +129,7 @@ class Resizing:
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
-        """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
+        """Return for each part the factor by which a box of sizes about 0 may widen till a facet vanishes, and which.
 
         The part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
         `high` (k,): its ends; the factor is at least that for it and 0 together.
@@ -390,10 +388,8 @@ def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Arr
 
 
 def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
-    """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by their labels.
-
-    None where the body made has other vertices than the one drawn, and where a scale turns faces that others move.
-    """
+    """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by labels."""
+    # none where the body made has other vertices than the one drawn, and where a scale turns faces that others move
     if not size.is_length:
         turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()
@@ -413,10 +409,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
-    """Return the same of a body that is exact at points: there it goes with the face, without turning.
-
-    nan for vertices of facets that were moved. None where the body made has other faces than the one drawn.
-    """
+    """Return the same of a body that is exact at points: there it goes with the face, without turning."""
+    # nan for vertices of facets that were moved. None where the body made has other faces than the one drawn
     assert body.exact is not None
     if body.exact.facets.faces != drawn.faces:
         return None
@@ -431,10 +425,8 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 
 def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
-    """Return how a point of a body's true faces moves, also of one exact at points, (3,).
-
-    nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn.
-    """
+    """Return how a point of a body's true faces moves, also of one exact at points, (3,)."""
+    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
     facets = body if body.exact is None else body.exact.facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
     near, offsets = faces.at(point), offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
@@ -640,11 +632,9 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
 def _kept_numbers(
     moving: Resizing, values: Array, changed: Mapping[int, Array]
 ) -> tuple[Array, list[list[int]]] | None:
-    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits.
-
-    All keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners of
-    parts that changed are given.
-    """
+    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits."""
+    # all keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners
+    # of parts that changed are given
     body, corners = moving.body, {label - 1 for label in moving.body.corners}
     drawn = dict[tuple[float, ...], list[int]]()
     for row, point in enumerate(map(tuple, body.vertices.tolist())):

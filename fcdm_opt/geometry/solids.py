@@ -119,10 +119,8 @@ def _above(points: Array, low: Array, high: Array) -> Iterator[tuple[Ints, Ints]
 
 
 def _turns(points: Array, corners: Array, k: int) -> Ints:
-    """Return on which side of a triangle's side k, seen from above, points are: 1 on its left, -1 on its right.
-
-    0 where the side is seen as a point.
-    """
+    """Return on which side of a triangle's side k, seen from above, points are: 1 on its left, -1 on its right."""
+    # 0 where the side is seen as a point
     a, b = corners[:, k], corners[:, (k + 1) % 3]
     u, v = a - points, b - points
     left, right = u[:, 0] * v[:, 1], u[:, 1] * v[:, 0]

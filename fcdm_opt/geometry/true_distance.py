@@ -194,10 +194,7 @@ class PoseDerivatives(NamedTuple):
 
 
 class FacesApart:
-    """Two bodies at scale 1 that are apart, in pieces that are cut further with each question.
-
-    `most`: pairs of pieces that are looked at, over all questions.
-    """
+    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all."""
 
     remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
@@ -281,10 +278,8 @@ class FacesApart:
         return max(low, 0.0)
 
     def _stay_within(self, pairs: Ints, rates: PoseDerivatives, amount: float) -> tuple[Flags, Flags]:
-        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such motions.
-
-        And of which a smaller piece may, as its corners are in it now.
-        """
+        """Tell which piece of each pair stays in a bore, cone or ball of the other's face, (2, m), in such motions."""
+        # and of which a smaller piece may, as its corners are in it now
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
@@ -355,10 +350,8 @@ class FacesApart:
         return np.stack([np.where(plane, rim, radii[own.patches]), levels])
 
     def _cut(self, pairs: Ints, small: float, rather: Flags) -> None:
-        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little.
-
-        Or the one that is `rather` to be cut, (2, m).
-        """
+        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
+        # or the one that is `rather` to be cut, (2, m)
         i, j = pairs.T
         errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
         wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
@@ -415,10 +408,8 @@ def _out(corners: Array, surface: Swept) -> Array:
 
 
 def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints, Array]:
-    """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3).
-
-    The hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces.
-    """
+    """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3)."""
+    # the hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces
     ends = np.roll(corners, -1, axis=1)
     there, far = np.roll(out, -1, axis=1), np.maximum(out, np.roll(out, -1, axis=1))
     may = np.isfinite(out) & (far > near) & (out + there - norms(ends - corners) < -2.0 * near)
@@ -513,11 +504,9 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
 def _separations(
     one: Array, two: Array, errors: Array, rates: PoseDerivatives | None = None, goal: float = 0.0
 ) -> Array:
-    """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these.
-
-    The largest separation along some directions; with `rates`, of such pieces the amount below which they do not meet,
-    known up to `goal`, see `FacesApart.least_amount`.
-    """
+    """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these."""
+    # the largest separation along some directions; with `rates`, of such pieces the amount below which they do not
+    # meet, known up to `goal`, see `FacesApart.least_amount`
     sides = [own - np.roll(own, -1, axis=1) for own in (one, two)]
     normals, between = [unit_normals(own) for own in (one, two)], two.mean(axis=1) - one.mean(axis=1)
     directions = [normals[0][:, None], normals[1][:, None], between[:, None]]

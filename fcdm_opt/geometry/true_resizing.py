@@ -34,11 +34,9 @@ Cut = Callable[[Body, Array], Body | None]
 
 
 def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
-    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces.
-
-    It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
-    is round, what its faces are is not known, or it would change its shape.
-    """
+    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces."""
+    # it has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
+    # is round, what its faces are is not known, or it would change its shape
     moved = _moved_faces(body, offsets)
     if moved is None or not (body.triangles or len(body.parts) == 1):
         return None
@@ -65,10 +63,8 @@ def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
 
 
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
-    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round.
-
-    Points of cuts go with the nearest corner.
-    """
+    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round."""
+    # points of cuts go with the nearest corner
     moved = _moved_faces(body, offsets)
     places = None if moved is None else _corners_on(moved[1], body, offsets)
     if moved is None or places is None:
@@ -193,10 +189,8 @@ def _of_same_part(body: Body, places: Array) -> Body | None:
 
 
 def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:
-    """Return a body with its corners elsewhere, cut into convex parts again, and its round faces.
-
-    Raises `InputError` where it is one convex part, or where a face is none of its own.
-    """
+    """Return a body with its corners elsewhere, cut into convex parts again, and its round faces."""
+    # raises `InputError` where it is one convex part, or where a face is none of its own
     if not body.triangles:
         raise InputError("the convex part has other faces")
     used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)

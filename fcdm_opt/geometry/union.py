@@ -63,10 +63,7 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
 
 
 class _Walls:
-    """Faces of all parts, one after another.
-
-    `points` (n, 3). `hulls`: the parts.
-    """
+    """Faces of all parts, the `hulls`, one after another, over `points` (n, 3)."""
 
     def __init__(self, points: Array, hulls: list[Hull]) -> None:
         self.points, self.size = points, float(np.abs(points - points.mean(axis=0)).max())

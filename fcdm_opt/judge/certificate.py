@@ -96,10 +96,8 @@ verify_assembly = verify
 
 
 def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tuple[Judged, Certificate]:
-    """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict.
-
-    Where the time given is over before, that is the one check, which fails.
-    """
+    """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict."""
+    # where the time given is over before, that is the one check, which fails
     pacing.at("judging the motion found")
     try:
         with pacing.judging():
@@ -391,10 +389,8 @@ def _swept(keep_out: KeepOut) -> Body:
 
 
 def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float) -> list[float]:
-    """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
-
-    At several scale pairs, (k, 2), after one motion.
-    """
+    """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree."""
+    # at several scale pairs, (k, 2), after one motion
     poses = np.repeat(transform[None], len(pairs), axis=0)
     found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
     for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):

@@ -147,12 +147,10 @@ class Claim:
         return judging.contact_rows(*self._carriers[0][:-1], self._seeds, poses)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
-        """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
-
-        The largest of: distance of a common point from either of the two elements, and how far either part reaches
-        across the plane through it; least over the part pairs that have such elements, as a face may be spread over
-        several. Infinite where none has.
-        """
+        """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths."""
+        # the largest of: distance of a common point from either of the two elements, and how far either part reaches
+        # across the plane through it; least over the part pairs that have such elements, as a face may be spread over
+        # several. Infinite where none has
         return least_errors(self.proofs(pairs, poses), len(poses))
 
     def proofs(self, pairs: Array, poses: Array) -> list[Proof]:
@@ -162,11 +160,9 @@ class Claim:
         return [(host.parts, self._errors(host, pairs, poses)) for host in self._carriers]
 
     def flush(self, pairs: Array, poses: Array) -> Array:
-        """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
-
-        How far their vertices are from one plane, or of two edges from one line; the length of what they share, and
-        its width, of the part pair in which that is widest.
-        """
+        """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths."""
+        # how far their vertices are from one plane, or of two edges from one line; the length of what they share, and
+        # its width, of the part pair in which that is widest
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
         for host in self._carriers:
             own = judging.contact_flushness(*host[:-1], self._seeds, pairs, poses)

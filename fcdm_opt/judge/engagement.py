@@ -132,10 +132,8 @@ def _corners(problem: Problem, share: float, pose: Array, keep_out: KeepOut | No
 
 
 def _sizes(problem: Problem, keep_out: KeepOut | None = None) -> Sizes:
-    """Return both bodies as drawn and as made, with their scales before and after.
-
-    A keep-out, at its largest scale, in place of the static body where one is given.
-    """
+    """Return both bodies as drawn and as made, with their scales before and after."""
+    # a keep-out, at its largest scale, in place of the static body where one is given
     made, ends = (problem.movable, problem.static), (problem.nominal_pair.tolist(), problem.target.tolist())
     asked = list(zip(drawn_bodies(problem), made, *ends, strict=True))
     if keep_out is not None:
@@ -199,10 +197,8 @@ def _walls(
 
 
 def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
-    """Tell whether points of body 1 reach into the hull of others as drawn, deeper than the sizes change, then no more.
-
-    `points` are those of both bodies as made, (n, 3) and (m, 3).
-    """
+    """Tell whether points of body 1 reach into the hull of others as drawn, deeper than sizes change, then no more."""
+    # `points` are those of both bodies as made, (n, 3) and (m, 3)
     seeds = problem.movable.seed, problem.static.seed
     drawn, (start, others) = (
         [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, points, strict=True)]

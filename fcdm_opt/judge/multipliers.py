@@ -64,10 +64,8 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
 
 @np.errstate(all="ignore")
 def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipliers] | None:
-    """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it.
-
-    None where so many do not, and where parts were left out that might matter.
-    """
+    """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it."""
+    # none where so many do not, and where parts were left out that might matter
     y = problem.weights * q
     amount = float(np.linalg.norm(y))
     if problem.amount != "weighted" or not _whole(problem) or not amount > 0.0:
@@ -149,10 +147,8 @@ class _Contacts:
         return np.array([-np.sign(own @ n) for own, n in zip(normals, nearest, strict=True)])
 
     def least(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
-        """Return amounts below which no motion in boxes does what is asked, (n,), infinite for none, and motions.
-
-        No more is looked for than `enough`.
-        """
+        """Return amounts below which no motion in boxes does what is asked, (n,), infinite for none, and motions."""
+        # no more is looked for than `enough`
         found = np.zeros(len(low))
         chosen = [self._chosen(*one) for one in zip(low, high, motions, strict=True)]
         for ways in zip(*chosen, strict=True):

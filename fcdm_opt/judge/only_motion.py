@@ -81,11 +81,9 @@ def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
 
 @np.errstate(all="ignore")
 def none_smaller(problems: Sequence[Problem], least: float) -> bool:
-    """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems.
-
-    These are as of `only_motion`. The amount is infinite where none is to do at all, which is proved only within
-    limits.
-    """
+    """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems."""
+    # these are as of `only_motion`. The amount is infinite where none is to do at all, which is proved only within
+    # limits
     weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving, y = np.flatnonzero(low < high), np.where(low < high, 0.0, low * weights)
     if not _contacts(problems) or not len(moving):
@@ -188,10 +186,7 @@ def _contacts(problems: Sequence[Problem]) -> bool:
 
 
 class _Restored:
-    """The equations of all contacts of some problems, and their derivatives, by the weighted parameters that move.
-
-    Of y, (k,), those that do not move are taken.
-    """
+    """Equations of some problems' contacts, and derivatives, by those weighted parameters of y, (k,), that move."""
 
     def __init__(self, problems: Sequence[Problem], y: Array, moving: Ints) -> None:
         import casadi
@@ -240,10 +235,8 @@ class _Restored:
         return found.shaped((len(low), *self._shape)), np.broadcast_to(np.asarray(jumps) & (not self._smooth), len(low))
 
     def narrowed(self, low: Array, high: Array, least: float) -> tuple[Array, Array]:
-        """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations.
-
-        A lower end above an upper one where there is none.
-        """
+        """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations."""
+        # a lower end above an upper one where there is none
         centre = 0.5 * low + 0.5 * high
         half = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
         none = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1) * ROUNDED >= least

@@ -46,10 +46,8 @@ def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack
 
 
 def past_after(one: Array, two: Array, ahead: Array, slack: float) -> float:
-    """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite.
-
-    Solids as of `passes`, at rest, (t, 3, 3); `slack` as there.
-    """
+    """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite."""
+    # solids as of `passes`, at rest, (t, 3, 3); `slack` as there
     length = float(np.ptp(np.concatenate([one, two]).reshape(-1, 3), axis=0).sum())  # beyond all of it
     first, second = (_Seen.along(*own, _frame(ahead)) for own in ((one, one + length * ahead), (two, two)))
     pairs = _crossed(first, second, length, slack)
@@ -100,11 +98,9 @@ class _Seen(NamedTuple):
         return np.einsum("ks,ksx->kx", shares, self.corners[rows, 1, :, :2] - self.corners[rows, 0, :, :2])
 
     def chords(self, lines: Array, slack: float) -> tuple[Ints, Array]:
-        """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2).
-
-        Before and after. Convex parts side by side are one. None of a line through an edge that facets do not tell
-        apart.
-        """
+        """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2)."""
+        # before and after. Convex parts side by side are one. None of a line through an edge that facets do not tell
+        # apart
         line, row = _meeting([lines, self.flat.min(axis=1)], [lines, self.flat.max(axis=1)])
         row, line = (own[np.abs(self.areas[row]) > slack * slack] for own in (row, line))
         shares = self.shares(row, lines[line][:, None])

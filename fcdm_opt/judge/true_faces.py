@@ -183,10 +183,8 @@ class _There:
         return np.asarray((others != k) & (self.is_round[k] | self.is_round[others]))
 
     def has(self, k: int, feet: Array, slack: float, *, over: bool = False) -> Flags:
-        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord.
-
-        With `over` they are known to be over its triangles.
-        """
+        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord."""
+        # with `over` they are known to be over its triangles
         if not len(feet):
             return np.zeros(0, bool)
         m, start, end, room, _ = self._bent_edges(k)
@@ -254,10 +252,8 @@ def _neighbours(corners: Array, owners: Ints) -> Ints:
 
 
 def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Array) -> Array:
-    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord.
-
-    The surfaces are those of all, or one for each chord.
-    """
+    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord."""
+    # the surfaces are those of all, or one for each chord
     return points_of_edges(_rows(one.numbers, 10), _rows(two.numbers, 10), start, end, share.ravel())
 
 

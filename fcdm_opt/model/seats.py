@@ -29,10 +29,8 @@ def spins(motion: Motion, movable: Body, static: Body) -> Array:
 
 
 def tilts(seats: Sequence[Flush], axes: Array) -> Array:
-    """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k).
-
-    The axes, (k, 3), are as of `spins`.
-    """
+    """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k)."""
+    # the axes, (k, 3), are as of `spins`
     return np.array([axes @ crossed(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
 
 
@@ -79,10 +77,8 @@ def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
 
 
 def untracked(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
-    """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked.
-
-    Those of them that are tracked are among `tracked`.
-    """
+    """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked."""
+    # those of them that are tracked are among `tracked`
     own = [seat for seat in seats if seat in tracked]
     kept: list[Flush] = []
     for seat in seats:

@@ -360,10 +360,8 @@ class Task:
 
     @cached_property
     def displacement_rate(self) -> float:
-        """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount.
-
-        Infinite for a motion of the user's own, of which no bound is known.
-        """
+        """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount."""
+        # infinite for a motion of the user's own, of which no bound is known
         return float(np.linalg.norm(self.motion.reaches(self.made_vertices, self.movable.seed) / self.weights))
 
     def transform(self, q: Array) -> Array:
@@ -413,10 +411,8 @@ class Task:
         return bool((q >= self.limits[:, 0]).all() and (q <= self.limits[:, 1]).all())
 
     def separations(self, parts: Parts, pose: Array) -> tuple[Ints, Array, Array]:
-        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made.
-
-        `pose` is relative to the static body, see `pose`.
-        """
+        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made."""
+        # `pose` is relative to the static body, see `pose`
         one, obstacle = self.movable.parts[parts[0]], self.obstacles[parts[1]]
         pose, rho = self._against(obstacle, pose)
         sites, rows = kernels.facet_rows(*one.packed, *obstacle.part.packed, pose)
@@ -511,11 +507,9 @@ class Task:
         return self.contact_gap(self.pair_gaps(q, normals))
 
     def misses(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> tuple[float, float]:
-        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides.
-
-        The first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
-        among them; the second is infinite where there are none besides.
-        """
+        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides."""
+        # the first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
+        # among them; the second is infinite where there are none besides
         excess = self.pair_gaps(q, normals) - self.needs
         contact = float(excess[:, : len(self.static.parts)].min())
         others = float(excess[:, len(self.static.parts) :].min(initial=np.inf))
@@ -533,10 +527,8 @@ class Task:
         return frozen(rows[gaps.argmax(), :3]) if way is None else way
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
-        """Return (scale pair, pose, features) of the tracked contact at path position s.
-
-        The pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target.
-        """
+        """Return (scale pair, pose, features) of the tracked contact at path position s."""
+        # the pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target
         pose = self.pose(s * np.asarray(q))
         if self.joints:
             return self.target, pose, ()
@@ -555,11 +547,9 @@ class Task:
         return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
 
     def path_faults(self, q: Array, *, first: bool = False) -> list[tuple[float, Array, Fault | None]]:
-        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
-
-        The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
-        exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
-        """
+        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked)."""
+        # the worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does
+        # not exist, or a flush contact opens. With `first` what is met first, from the end of the path back
         key = (np.ascontiguousarray(q).view(np.int64) >> 10).tobytes()  # alike but for roundings
         if key in self._faultless:
             return []
@@ -639,10 +629,8 @@ class Task:
         return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
-        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
-
-        `normals` are directions that prove part pairs apart, see `pair_gaps`.
-        """
+        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack."""
+        # `normals` are directions that prove part pairs apart, see `pair_gaps`
         if self.tracked:
             rho, _, _ = self.tracked_contact(q)
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
@@ -680,10 +668,8 @@ class Task:
         return max(lines, abs(self.gap(q))) if self.must_touch else lines
 
     def meets_in_steps(self, q: Array) -> bool:
-        """Tell whether a motion in whole steps meets the requirement; an equation to within what the steps leave open.
-
-        The target pair of such a goal must not overlap.
-        """
+        """Tell whether a motion in whole steps meets the requirement; an equation to within what steps leave open."""
+        # the target pair of such a goal must not overlap
         if not self.is_equation:
             return self.meets(q, DEFAULT.requirement)
         assert self.resolution is not None

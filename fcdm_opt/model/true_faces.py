@@ -58,10 +58,8 @@ class Exchange:
 
     @classmethod
     def of(cls, problem: Problem) -> Exchange | None:
-        """Return it; None where round faces play no part, or what they are is not known.
-
-        A goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale.
-        """
+        """Return it; None where round faces play no part, or what they are is not known."""
+        # a goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale
         facets = problem.of_facets
         if facets.goal not in ("touch", "clear") or facets.contacts:
             return None
@@ -77,10 +75,8 @@ class Exchange:
         return self.facets.with_exact_points(self.points)
 
     def nearest(self, transform: Array, slack: float) -> list[NearestPoints]:
-        """Return where the gap after a motion is less than asked and some slack, the worst first, a few; or is least.
-
-        Gaps are less what is asked for. Of keep-outs the second point is not theirs.
-        """
+        """Return where the gap after a motion is less than asked and some slack, a few, the worst first; or least."""
+        # gaps are less what is asked for. Of keep-outs the second point is not theirs
         chosen = list[NearestPoints]()
         for own in self._sorted(transform, max(slack, self._slack)):
             if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
@@ -239,10 +235,8 @@ class Exchange:
         return [own for own in found if own.gap < -self._slack or not self.has(own)]
 
     def refine(self, transform: Array, apart: float | None = None) -> bool:
-        """Make the parts exact where true faces overlap after a motion; tell whether they were not.
-
-        With `apart` also where they are nearer than that, and where they are nearest.
-        """
+        """Make the parts exact where true faces overlap after a motion; tell whether they were not."""
+        # with `apart` also where they are nearer than that, and where they are nearest
         limit = -TIGHT * self._slack if apart is None else max(self._slack, apart)
         near = self.nearest(transform, limit)
         if apart is not None and not near:  # directions of facets alone may say less than the distance

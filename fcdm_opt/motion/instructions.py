@@ -95,10 +95,7 @@ class Instructions:
         return [(code, NAMES[code], place, i, j, constant) for (code, place, i, j), constant in rows]
 
     def carried_out(self, arithmetic: Arithmetic, *inputs: Sequence[Any]) -> list[list[Any]]:
-        """Return the outputs, column by column, for inputs of any kind of number.
-
-        Raises `NotImplementedError` for an operation that the arithmetic does not have.
-        """
+        """Return the output columns for any kind of numbers; `NotImplementedError` for an operation they lack."""
         constant = arithmetic.get("CONST", float)
         work: list[Any] = [None] * self.places
         outputs = [[constant(0.0)] * size for size in self.sizes]
@@ -169,10 +166,8 @@ class PoseInstructions:
 
 
 def pose_instructions(motion: Motion) -> PoseInstructions | None:
-    """Return the instructions of a motion's pose (R row by row, s_2 - moved s_1) and its derivatives.
-
-    None where an operation of a user's own motion has no place in `stages.compiled.run`.
-    """
+    """Return the instructions of a motion's pose (R row by row, s_2 - moved s_1) and its derivatives."""
+    # none where an operation of a user's own motion has no place in `stages.compiled.run`
     shared = _of_pattern(motion.pattern)
     return None if shared is None else replace(shared, numbers=motion.numbers)
 

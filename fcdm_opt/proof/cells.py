@@ -246,10 +246,8 @@ def _opposed(x, y, sign, margin):
 @light
 @kernel
 def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
-    """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
-
-    `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
-    """
+    """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`."""
+    # `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`
     m = T.shape[2]
     n, level, height = np.zeros((3, m)), np.zeros(m), np.zeros(m)
     for cell in range(len(T)):
@@ -400,10 +398,8 @@ def best_site(R, d, first, second, edged, site):
 
 @kernel
 def _reach(T, site, n, body, points, room, height):
-    """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
-
-    `n` is the direction over the cell, `height` is overwritten.
-    """
+    """Return how much further than its own point vertices of a body reach in a site's direction; of `room` enough."""
+    # `n` is the direction over the cell, `height` is overwritten
     reach = 0.0
     for v in range(len(points)):
         if body == 0:
@@ -434,10 +430,8 @@ def apart(T, site, one, two, margin, n, height):
 
 @kernel
 def inside(R, d, body, ends, normals, levels, slack, p, u):
-    """Set p + [0, 1] u to an edge of a body in the axes of the other; return from where to where it is inside that.
-
-    Within a slack; where it is nowhere, the end is returned first.
-    """
+    """Set p + [0, 1] u to an edge of a body in the axes of the other; return from where to where it is inside that."""
+    # within a slack; where it is nowhere, the end is returned first
     _placed(R, d, body, ends[0], p)
     _placed(R, d, body, ends[1], u)
     start, way = _entry(p, 0), _minus(_entry(u, 0), _entry(p, 0))
@@ -580,10 +574,8 @@ def _placed(R, d, body, x, out):
 
 @kernel
 def set_nearest(R, d, one, two, x, y):
-    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra.
-
-    Return their distance; where the polyhedra overlap, 0 for a point of both.
-    """
+    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra."""
+    # return their distance; where the polyhedra overlap, 0 for a point of both
     moved = np.empty((len(one), 3))
     for v in range(len(one)):
         _placed(R, d, 0, one[v], moved[v])
@@ -597,10 +589,9 @@ def set_nearest(R, d, one, two, x, y):
 
 @kernel
 def nearer(T, one, two, need, margin, witness):
-    """Tell whether two points of two polyhedra are nearer than `need` over a whole cell.
-
-    `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
-    """
+    """Tell whether two points of two polyhedra are nearer than `need` over a whole cell."""
+    # `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about
+    # s_2
     m = T.shape[1]
     x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     if not set_nearest(T[:9, 0].copy(), T[9:12, 0].copy(), one, two, x, y) < need:

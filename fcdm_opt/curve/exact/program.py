@@ -241,10 +241,8 @@ class Basis:
         return tuple([p * a + q * b + r * c + s * d for p, q, r, s in self.rows])
 
     def leaving(self, y: Vector, places: int = 4) -> int | None:
-        """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None if there is none.
-
-        `y`, (4,), are the `products` of the entering column. The first `places` weights may leave.
-        """
+        """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None for no place."""
+        # `y`, (4,), are the `products` of the entering column. The first `places` weights may leave
         best = None
         for i in range(places):
             if not y[i] > 0:
