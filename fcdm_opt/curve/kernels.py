@@ -539,12 +539,10 @@ def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
 
 @step
 def _beyond(reals, ints, vertex, start, target, skip, bound):
-    """Follow an arc of directions from `start` to `target` out of the normal cone of a vertex.
-
-    Return (state, half-edge): 1 and -1 where the target is in the cone for certain, 0 and the half-edge from the vertex
-    whose arc is met first, -1 where it cannot tell. Directions point into the part: those of the cone have a positive
-    product with the ways to all neighbours.
-    """
+    """Follow an arc of directions from `start` to `target` out of the normal cone of a vertex."""
+    # return (state, half-edge): 1 and -1 where the target is in the cone for certain, 0 and the half-edge from the
+    # vertex whose arc is met first, -1 where it cannot tell. Directions point into the part: those of the cone have a
+    # positive product with the ways to all neighbours
     here = _at(reals, vertex)
     least, nearest, found = _INF, _INF, -1
     first = h = ints[np.uintp(ints[4] + vertex)]
@@ -735,10 +733,8 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
 
 @step
 def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points, chains):
-    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`.
-
-    Where kind0 >= 0, F1V2 or V1F2, the one chain that face0 is on instead: closed, or from infinity to infinity.
-    """
+    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`."""
+    # where kind0 >= 0, F1V2 or V1F2, the one chain that face0 is on instead: closed, or from infinity to infinity
     if not (reals1[ints1[0] + ints1[1], 1] > 0.0 and reals2[ints2[0] + ints2[1], 1] > 0.0):
         return UNDECIDED, 0, 0
     # s_1 in part 2 where rho_1 = 0, s_2 in part 1 where rho_2 = 0. The region is convex and holds no line, so that its
@@ -1038,10 +1034,8 @@ _THIN = 1e-13  # stretches shorter than this, relative to their scales, are poin
 
 @kernel
 def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, points, chains):
-    """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED.
-
-    GRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`.
-    """
+    """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED."""
+    # gRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`
     inside1, inside2 = reals1[ints1[0] + ints1[1], 2] > 0.0, reals2[ints2[0] + ints2[1], 2] > 0.0
     if not _length(_entry(frame, D)) > _SURE * max(frame[RADIUS_1], frame[RADIUS_2]):
         return UNDECIDED, 0, 0  # the seeds are one but for rounding
@@ -1157,10 +1151,8 @@ def _leads_outside(row, way, x, y):
 
 @kernel
 def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, rows, points, witness):
-    """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless).
-
-    Adds up in `witness` scale pairs, one for each but directions, and where the parts touch there.
-    """
+    """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless)."""
+    # adds up in `witness` scale pairs, one for each but directions, and where the parts touch there
     count = len(sites)
     closed = endless == 0 and points[0, 0] == points[count, 0] and points[0, 1] == points[count, 1]
     kept, starts = np.empty(count, np.int64), np.zeros((count + 1, 2))
@@ -2185,10 +2177,8 @@ def _within(base, travel, lo, hi, cell):
 @light
 @kernel
 def take_out(spans, room, count, lo, hi, sliver, scale, points):
-    """Take an open interval out of closed ones; return how many are left.
-
-    Slivers within rounding are dropped, or with `points` kept as intervals that end where they start.
-    """
+    """Take an open interval out of closed ones; return how many are left."""
+    # slivers within rounding are dropped, or with `points` kept as intervals that end where they start
     if hi <= lo:
         return count
     made = 0

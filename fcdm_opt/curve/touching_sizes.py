@@ -544,10 +544,8 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
 
 
 def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> PairRows:
-    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more.
-
-    `shares` of the uniform scale of either body that a unit of each size is, (2, k).
-    """
+    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more."""
+    # `shares` of the uniform scale of either body that a unit of each size is, (2, k)
     values, scales = pair.values.copy(), np.flatnonzero(shares.any(axis=0))
     for piece in region.pieces:
         a, b, c = piece.line

@@ -173,11 +173,9 @@ def _of_each_faces(contacts: Sequence[TrueContact]) -> list[TrueContact]:
 
 
 def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) -> list[TrueContact]:
-    """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,).
-
-    To within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
-    where plane faces lie on each other, whose rims may be round.
-    """
+    """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,)."""
+    # to within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
+    # where plane faces lie on each other, whose rims may be round
     faces, found = (true_faces(movable), true_faces(static)), list[TrueContact]()
     if not any(own.is_round.any() for own in faces):
         return found

@@ -344,10 +344,8 @@ def _ears(loop: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 
 
 def _directions(one: _Hull, two: _Hull, R: Array, faces: Rows = ALL, edges: Rows = ALL) -> Array:
-    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice.
-
-    Those of some faces and edges of either part alone, where these are given.
-    """
+    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice."""
+    # those of some faces and edges of either part alone, where these are given
     first, second = one.edges[edges[0]], two.edges[edges[1]]
     crosses = np.cross((first @ R.T)[:, None], second[None]).reshape(-1, 3)
     lengths = np.linalg.norm(crosses, axis=1)

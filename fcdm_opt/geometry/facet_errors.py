@@ -414,10 +414,8 @@ def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] 
 
 
 def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
-    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved.
-
-    Those of faces that are `flat`, (faces,), stay in their planes.
-    """
+    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved."""
+    # those of faces that are `flat`, (faces,), stay in their planes
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     owners = body.face_triangles[1]
     first, same = distinct_rows(body.vertices)
@@ -458,10 +456,8 @@ def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
 
 
 def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int) -> Array | None:
-    """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved.
-
-    It stays in the planes of flat faces. None where there is no such move.
-    """
+    """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved."""
+    # it stays in the planes of flat faces. None where there is no such move
     moves, side = np.zeros((count, 3)), 1.0 if off.max() > 0.0 else -1.0
     faces, their = np.repeat(owners, 3), corners.ravel()
     order = np.argsort(their, kind="stable")

@@ -140,12 +140,10 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
 
 
 def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: Array) -> Array:
-    """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
-
-    These are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
-    where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart
-    than the least so far are passed over.
-    """
+    """Return the least over part pairs of the largest gap along any direction that can separate most, (k,), units."""
+    # these are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
+    # where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further
+    # apart than the least so far are passed over
     if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
         return widest(ones[0], twos[0], frames, edged=True)
     with np.errstate(all="ignore"):

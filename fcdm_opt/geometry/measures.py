@@ -123,11 +123,9 @@ def exact_volume(corners: Array) -> fmpq:
 
 
 def winding_numbers(points: Array, corners: Array) -> Array:
-    """Return how often triangles, (t, 3, 3), counter-clockwise seen from outside, wind round each point, (m,).
-
-    Of a closed surface: 1 inside, 0 outside. By solid angles (van Oosterom and Strackee 1983), not reliable nearer to
-    a triangle than rounding.
-    """
+    """Return how often triangles, (t, 3, 3), counter-clockwise seen from outside, wind round each point, (m,)."""
+    # of a closed surface: 1 inside, 0 outside. By solid angles (van Oosterom and Strackee 1983), not reliable nearer to
+    # a triangle than rounding
     total = np.zeros(len(points))
     step = max(1, BLOCK // max(1, len(points)))
     for start in range(0, len(corners), step):

@@ -48,11 +48,9 @@ class MovesOfFaces(NamedTuple):
     def of(
         cls, facets: Body, sizes: Sequence[Size], offsets: Array | None = None, turns: Array | None = None
     ) -> MovesOfFaces:
-        """Return them; raises `InputError` for a size that makes something else of a round face.
-
-        By default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
-        scales.
-        """
+        """Return them; raises `InputError` for a size that makes something else of a round face."""
+        # by default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
+        # scales
         offsets = offsets_of_faces(facets, sizes) if offsets is None else offsets
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3) if turns is None else turns
         lengths, shifts, rings = offsets.copy(), np.zeros((len(offsets), 3, len(sizes))), np.zeros_like(offsets)
@@ -111,10 +109,8 @@ def rows_moved(body: Body, made: Body, offsets: Array) -> Ints | None:
 
 
 def moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
-    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with them.
-
-    Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
-    """
+    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with it."""
+    # faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise
     found = list[tuple[Swept, tuple[int, ...]]]()
     for (surface, rows), moved in zip(round_surfaces(body), _moves(body, offsets), strict=True):
         if moved is None:

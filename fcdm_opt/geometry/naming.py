@@ -123,11 +123,9 @@ def numbered_names(names: Sequence[str]) -> list[str]:
 
 
 def told_element(body: Body, element: Element) -> str:
-    """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5".
-
-    An edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
-    with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)".
-    """
+    """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5"."""
+    # an edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
+    # with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)"
     body = body.full_body or body
     if body.exact is not None:
         rows, points = rows_of_element(body, element), body.vertices[np.array(element.vertices) - 1]

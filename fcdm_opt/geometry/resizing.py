@@ -104,10 +104,8 @@ class Resizing:
 
     @classmethod
     def of(cls, body: Body, sizes: Sequence[Size], *, drawn: Body | None = None) -> Resizing:
-        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part.
-
-        Faces are chosen on the body as drawn, which the body was before it was scaled.
-        """
+        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part."""
+        # faces are chosen on the body as drawn, which the body was before it was scaled
         if body.is_surface:
             what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
@@ -129,11 +127,9 @@ class Resizing:
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
-        """Return for each part the factor by which a box of sizes about 0 may widen till a facet vanishes, and which.
-
-        The part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
-        `high` (k,): its ends; the factor is at least that for it and 0 together.
-        """
+        """Return for each part the factor by which a box of sizes about 0 may widen before a facet vanishes, which."""
+        # the part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
+        # `high` (k,): its ends; the factor is at least that for it and 0 together
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         found = []
         for own in self.parts:
@@ -193,10 +189,9 @@ class Resizing:
 
 @lru_cache(maxsize=16)
 def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
-    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features.
-
-    All over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says why.
-    """
+    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features."""
+    # all over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says
+    # why
     lengths = [size for size in sizes if size.is_length]
     if not lengths or body.is_surface or not body.triangles or len(body.parts) == 1:
         return body
@@ -487,7 +482,7 @@ def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[i
 def _corners_of_parts(
     moving: Resizing, values: Array
 ) -> tuple[list[Array], tuple[Array, list[list[int]]] | None, Surface | None, bool]:
-    """Return the corners of each part at given sizes, see `_kept_numbers`, and of a solid its surface if that is known.
+    """Return the corners of each part at given sizes, see `_kept_numbers`, and of a solid its surface if known.
 
     And whether all parts have the corners and facets that they have as drawn. No numbers where a corner splits, or a
     convex body has other edges.

@@ -70,10 +70,8 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:
-    """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above.
-
-    Infinite where the parts are no fit, or touch it no deeper than sizes may change.
-    """
+    """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above."""
+    # infinite where the parts are no fit, or touch it no deeper than sizes may change
     problem = problem.of_facets
     if not holds(problem):
         return -np.inf, np.inf

@@ -21,7 +21,7 @@ from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check, Solution
-from fcdm_opt.proof.checker import filled_box, searched_limits
+from fcdm_opt.proof.checker import Examiner, filled_box
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
@@ -48,7 +48,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     if not (shapes and problem.amount == "weighted" and (problem.contacts or _whole(problem))):
         return (Check("proof well-formed", False, 1.0, 0.0, "not boxes of motions of solids, by weighted amount"),)
     ends, filled = filled_box(evidence.boxes)
-    asked = searched_limits(problem).T * problem.weights
+    asked = Examiner(problem, None).limits.T * problem.weights
     asked = np.array([np.maximum(asked[0], -claimed), np.minimum(asked[1], claimed)])
     short = float(np.maximum(ends[0] - asked[0], asked[1] - ends[1]).max())
     covered = short <= 0.0 and filled
@@ -70,7 +70,7 @@ def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipli
     amount = float(np.linalg.norm(y))
     if problem.amount != "weighted" or not _whole(problem) or not amount > 0.0:
         return None
-    low, high = (searched_limits(problem).T * problem.weights)[:, None]
+    low, high = (Examiner(problem, None).limits.T * problem.weights)[:, None]
     low, high = np.maximum(low, -amount), np.minimum(high, amount)
     rows, motions = _rows_of(problem, q), y[None]
     shown, bound, looked_at = list[tuple[Array, Array]](), amount, 0

@@ -44,11 +44,9 @@ MOST_BRANCHES = 2000  # of directions along which parts are apart
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
-    """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box.
-
-    They have `contacts`, and the same parameters, weights and limits. The box, in which the motion is to lie, is
-    |weight x parameter| <= half, infinite only of motions that turn nothing.
-    """
+    """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box."""
+    # they have `contacts`, and the same parameters, weights and limits. The box, in which the motion is to lie, is
+    # |weight x parameter| <= half, infinite only of motions that turn nothing
     low, high = problems[0].limits.T
     moving, y = np.flatnonzero(low < high), problems[0].weights * q
     if not _contacts(problems) or not len(moving) or not (np.abs(y[moving]) <= half).all():

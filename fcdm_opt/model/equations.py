@@ -58,10 +58,8 @@ class FeaturePoints:
 def feature_points(
     movable: Body, static: Body, site: tuple[int, int, int], parts: tuple[int, int], normal: Array, rotation: Array
 ) -> FeaturePoints:
-    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair.
-
-    Its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign.
-    """
+    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair."""
+    # its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign
     kind, i, j = site
     one, two = movable.parts[parts[0]], static.parts[parts[1]]
     if kind == F1V2:

@@ -199,10 +199,8 @@ def _least_of(problem: Problem, solve: Callable[[Problem, str], Solution], secon
 
 
 def _of_smaller(solution: Solution, inner: Solution) -> Solution:
-    """Return a refused solution with what bodies within the true ones need: the true ones need that at least.
-
-    Infinitely much where these are refused alike.
-    """
+    """Return a refused solution with what bodies within the true ones need: the true ones need that at least."""
+    # infinitely much where these are refused alike
     if solution.problem.goal == "touch" and _gap_at_rest(inner.problem) > 0.0:
         return solution
     if not inner.usable and inner.status is not solution.status:

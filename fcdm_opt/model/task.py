@@ -448,12 +448,10 @@ class Task:
         return self._kinematics.rates(q)
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
-        """Return the signed gap of every part pair at the scales made, (parts of 1, obstacles).
-
-        The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
-        for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
-        exceeds what is needed and the least gap.
-        """
+        """Return the signed gap of every part pair at the scales made, (parts of 1, obstacles)."""
+        # the largest separation over facet directions and, where it is larger, along the direction that `normals` gives
+        # for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
+        # exceeds what is needed and the least gap
         pose = self.pose(q)
         gaps = self._remembered(self._facet_gaps, q, lambda: self._along_facets(pose)).copy()
         for (i, j), normal in (normals or {}).items():
@@ -604,10 +602,8 @@ class Task:
     def _renamed(
         self, q: Array, tracked: Sequence[Tracked], start: tuple[Array, Array], end: tuple[Array, Array]
     ) -> list[float]:
-        """Return the first path position, from the end back, at which a flush contact of a shift has another name.
-
-        `start` and `end` of the shift as (pose, scale pair), between which both change in proportion.
-        """
+        """Return the first path position, from the end back, at which a flush contact of a shift has another name."""
+        # `start` and `end` of the shift as (pose, scale pair), between which both change in proportion
         found = list[float]()
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]

@@ -200,10 +200,8 @@ def _set_crossing(lines, determinant, excess):
 @light
 @kernel
 def goal_cells(T, features, target, signs, margin, codes, witness):
-    """Tell where the tracked contact cannot be where the goal wants it.
-
-    With `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair.
-    """
+    """Tell where the tracked contact cannot be where the goal wants it."""
+    # with `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair
     m = T.shape[2]
     lines, determinant, excess = np.zeros((len(features), 4, m)), np.zeros(m), np.zeros((2, m))
     for cell in range(len(T)):
@@ -501,13 +499,11 @@ def _stays(excess, rates, place, margin):
 
 @kernel
 def meets(T, one, two, margin, witness):
-    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
-
-    The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
-    `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
-    Or a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the
-    other: aligned boxes overlap so, as all that their edges share lies on faces.
-    """
+    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other."""
+    # the point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
+    # `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that. Or
+    # a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the other:
+    # aligned boxes overlap so, as all that their edges share lies on faces
     m, R, d, solids = T.shape[1], T[:9, 0], T[9:12, 0], (one, two)
     best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
     p, u, x, count = np.empty(3), np.empty(3), np.zeros(3), 0

@@ -46,11 +46,9 @@ FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats
 
 
 def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> tuple[Check, ...]:
-    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks.
-
-    The evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
-    the bound, and of each reason.
-    """
+    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks."""
+    # the evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
+    # the bound, and of each reason
     flaw = _flaw(problem, evidence)
     if flaw:
         return (Check("proof well-formed", False, 1.0, 0.0, flaw),)
@@ -96,11 +94,6 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     if evidence.first[0] != 0 or (np.diff(evidence.first) < 1).any() or evidence.first[-1] != len(evidence.witnesses):
         return "the witness rows do not belong to the cells"
     return ""
-
-
-def searched_limits(problem: Problem) -> Array:
-    """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
-    return Examiner(problem, None).limits
 
 
 # ---------------------------------------------------------------------------------------------------------------- cover
@@ -649,10 +642,8 @@ def _directions(witness: Array) -> Iterator[tuple[int, Ints, Interval, Interval]
 def _extremes(
     poses: Poses, kind: int, u: Interval, w: Interval, one: Interval, two: Interval
 ) -> tuple[Interval, Interval, list[Array]]:
-    """Return the vertices of two parts that are nearest to each other along directions, and what others reach beyond.
-
-    These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
-    """
+    """Return the vertices of two parts that are nearest to each other along directions, and what is beyond them."""
+    # these are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative
     R = np.concatenate([x.middle for x in poses.centre[:9]], axis=1).reshape(-1, 3, 3)
     if kind == V1F2:
         n = u.middle

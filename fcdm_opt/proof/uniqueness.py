@@ -139,11 +139,9 @@ def _none_below(problems: Problems, amount: float) -> bool:
 
 @np.errstate(all="ignore")
 def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
-    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
-
-    Boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
-    do not do.
-    """
+    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it."""
+    # boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
+    # do not do
     if not (np.isfinite(low) & np.isfinite(high)).all():
         return None
     equations, left, shown, count = _Equations((problem,)), np.array([[low, high]]), list[Array](), 0
