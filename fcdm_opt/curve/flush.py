@@ -31,15 +31,12 @@ Carrier = tuple[ConvexPart, ConvexPart, Contact]
 
 
 class Overlap(NamedTuple):
-    """How far elements reach over one another along a direction in their plane: what they share ends at zero.
-
-    `one` is the foremost vertex of body 1, as drawn; `two` the hindmost of body 2, as scaled and relative to its seed.
-    """
+    """How far elements reach over one another along a direction in their plane: what they share ends at zero."""
 
     depth: float
     way: Array
-    one: Array
-    two: Array
+    one: Array  # the foremost vertex of body 1, as drawn
+    two: Array  # the hindmost of body 2, as scaled and relative to its seed
 
 
 @dataclass(frozen=True, eq=False)

@@ -388,8 +388,10 @@ def _left_through(reals, ints, ray):
 
 @step
 def _seed_ray(reals, ints, ray):
-    """Return (state, face in, face out) where a ray from the seed enters a part, -1 for one inside, and leaves it."""
-    # state 0: missed, 1: hit, 2: cannot tell
+    """Return (state, face in, face out): where a ray from the seed enters a part, -1 from a seed inside, and leaves it.
+
+    State 0: missed, 1: hit, 2: cannot tell.
+    """
     out = _left_through(reals, ints, ray)
     if out < 0:
         return (0 if out == -1 else 2), -1, -1
@@ -479,9 +481,11 @@ def _way_out(reals, ints, face, q, bound):
 
 @step
 def _corner(reals1, ints1, reals2, ints2, frame, forward, kind, h, apex, before, after):
-    """Return (state, rho_1, rho_2) where an edge meets a vertex."""
-    # state 1: they touch for certain; 0: surely at no pair of positive scales; -1: cannot tell. Kind F1V2: half-edge of
-    # part 1 and vertex of part 2, V1F2 the other way round; `before` < 0 < `after`: q.x at its ends, see `_track`
+    """Return (state, rho_1, rho_2) where an edge meets a vertex.
+
+    State 1: they touch for certain; 0: surely at no pair of positive scales; -1: cannot tell. Kind F1V2: half-edge of
+    part 1 and vertex of part 2, V1F2 the other way round; `before` < 0 < `after`: q.x at its ends, see `_track`.
+    """
     if kind == F1V2:
         a, b, _, _ = _side(ints1, h)
         w = _turned(frame, COFACTORS, _cross(_at(reals1, a), _at(reals1, b)))
@@ -539,10 +543,12 @@ def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
 
 @step
 def _beyond(reals, ints, vertex, start, target, skip, bound):
-    """Follow an arc of directions from `start` to `target` out of the normal cone of a vertex."""
-    # return (state, half-edge): 1 and -1 where the target is in the cone for certain, 0 and the half-edge from the
-    # vertex whose arc is met first, -1 where it cannot tell. Directions point into the part: those of the cone have a
-    # positive product with the ways to all neighbours
+    """Follow an arc of directions from `start` to `target` out of the normal cone of a vertex.
+
+    Return (state, half-edge): 1 and -1 where the target is in the cone for certain, 0 and the half-edge from the vertex
+    whose arc is met first, -1 where it cannot tell. Directions point into the part: those of the cone have a positive
+    product with the ways to all neighbours.
+    """
     here = _at(reals, vertex)
     least, nearest, found = _INF, _INF, -1
     first = h = ints[np.uintp(ints[4] + vertex)]
@@ -1035,7 +1041,7 @@ _THIN = 1e-13  # stretches shorter than this, relative to their scales, are poin
 @kernel
 def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, points, chains):
     """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED."""
-    # gRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`
+    # GRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`
     inside1, inside2 = reals1[ints1[0] + ints1[1], 2] > 0.0, reals2[ints2[0] + ints2[1], 2] > 0.0
     if not _length(_entry(frame, D)) > _SURE * max(frame[RADIUS_1], frame[RADIUS_2]):
         return UNDECIDED, 0, 0  # the seeds are one but for rounding
@@ -1151,8 +1157,10 @@ def _leads_outside(row, way, x, y):
 
 @kernel
 def _brought_back(reals1, ints1, reals2, ints2, frame, forward, endless, sites, rows, points, witness):
-    """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless)."""
-    # adds up in `witness` scale pairs, one for each but directions, and where the parts touch there
+    """Bring a chain from beside to the true pose, in place; return (segments left, 0 where unsure, endless).
+
+    Adds up in `witness` scale pairs, one for each but directions, and where the parts touch there.
+    """
     count = len(sites)
     closed = endless == 0 and points[0, 0] == points[count, 0] and points[0, 1] == points[count, 1]
     kept, starts = np.empty(count, np.int64), np.zeros((count + 1, 2))
@@ -1268,8 +1276,10 @@ def _add(witness, x, y, weight, p):
 
 @step
 def _true_row(reals1, ints1, reals2, ints2, frame, site, row):
-    """Replace the row of a site beside by that at the true pose."""
-    # return 1 where its features are extreme there, 0 where they are not, -1 where something is nearly a tie
+    """Replace the row of a site beside by that at the true pose.
+
+    Return 1 where its features are extreme there, 0 where they are not, -1 where something is nearly a tie.
+    """
     kind, i, j = site[0], site[1], site[2]
     extreme = -1
     if kind != E1E2:
@@ -1980,9 +1990,11 @@ def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough)
 @light
 @kernel
 def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, along, need, level):
-    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions."""
-    # (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
-    # are. Directions that the way changes by no more than `level` are those all along
+    """Return between which shifts along a way part pairs, (k, 2), are nearer than a need along all facet directions.
+
+    (k, 4): from where, to where, by how much they are apart more than that all along, and how many directions there
+    are. Directions that the way changes by no more than `level` are those all along.
+    """
     found = np.empty((len(pairs), 4))
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]

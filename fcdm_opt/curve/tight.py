@@ -77,9 +77,11 @@ def choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
 def edge_and_corner(
     one: tuple[int, int, int], two: tuple[int, int, int], first: ConvexPart, second: ConvexPart
 ) -> tuple[int, int, int] | None:
-    """Return the edge of one part and the corner of the other that two sites of a part pair have in common."""
-    # as (0 or 1: the part of the edge, edge, corner). Such sites are neighbours on the Minkowski difference, and stay
-    # so on a moved curve; other sites that meet in a point, vertex on vertex, part at the first motion. None for them
+    """Return the edge of one part and the corner of the other that two sites of a part pair have in common.
+
+    As (0 or 1: the part of the edge, edge, corner). Such sites are neighbours on the Minkowski difference, and stay so
+    on a moved curve; other sites that meet in a point, vertex on vertex, part at the first motion. None for them.
+    """
     parts = (first, second)
     for own in (0, 1):
         edge, corner = _common_edge(one, two, own, parts[own]), _common_corner(one, two, 1 - own, parts[1 - own])

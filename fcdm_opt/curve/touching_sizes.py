@@ -365,18 +365,15 @@ def check_sizes(sizes: Sequence[Size]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _PosedPart:
-    """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`.
-
-    `bases` are a corner on each facet; `cones` turn a direction into its shares of a corner's three normals.
-    """
+    """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`."""
 
     normals: Array
     triples: Ints
-    cones: Array
+    cones: Array  # turn a direction into its shares of a corner's three normals
     points: Array
     moves: Array
     names: Ints
-    bases: Ints
+    bases: Ints  # a corner on each facet
     edges: Ints
     along: Array
     ends: Ints

@@ -282,7 +282,7 @@ def _squared(form: Array, steps: Array) -> Array:
 @cached_of_whole
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     """Return a body that the true one holds, and one that holds it; the body itself where its faces are true."""
-    # none where none are known
+    # None where none are known
     errors = facet_errors(body)
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
     return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
@@ -491,7 +491,7 @@ def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
 
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why."""
-    # none where they are not, see `gaps_off`
+    # None where they are not, see `gaps_off`
     out, short = gaps_off(movable, others)
     if not max(out, short) > 0.0:
         return []

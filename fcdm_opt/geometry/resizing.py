@@ -127,7 +127,7 @@ class Resizing:
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
-        """Return for each part the factor by which a box of sizes about 0 may widen before a facet vanishes, which."""
+        """Return for each part the factor by which a box of sizes about 0 may widen before facets vanish, and which."""
         # the part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
         # `high` (k,): its ends; the factor is at least that for it and 0 together
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
@@ -384,7 +384,7 @@ def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Arr
 
 def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
     """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by labels."""
-    # none where the body made has other vertices than the one drawn, and where a scale turns faces that others move
+    # None where the body made has other vertices than the one drawn, and where a scale turns faces that others move
     if not size.is_length:
         turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()

@@ -189,8 +189,10 @@ def _of_same_part(body: Body, places: Array) -> Body | None:
 
 
 def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:
-    """Return a body with its corners elsewhere, cut into convex parts again, and its round faces."""
-    # raises `InputError` where it is one convex part, or where a face is none of its own
+    """Return a body with its corners elsewhere, cut into convex parts again, and its round faces.
+
+    Raises `InputError` where it is one convex part, or where a face is none of its own.
+    """
     if not body.triangles:
         raise InputError("the convex part has other faces")
     used, inverse = np.unique(np.concatenate([np.array(own) for own in body.triangles]), return_inverse=True)

@@ -446,17 +446,13 @@ def _asked_gaps(scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags |
 
 
 class _Side(NamedTuple):
-    """How a part pair opens and closes across a contact line.
+    """How a part pair opens and closes across a contact line."""
 
-    The change of the scales, the pair's gap before and after it, and what these must exceed; `snug`: no change of the
-    scales makes the parts overlap.
-    """
-
-    step: Array
-    before: float
+    step: Array  # the change of the scales
+    before: float  # the pair's gap before and after it
     after: float
-    least: float
-    snug: bool = False
+    least: float  # what these must exceed
+    snug: bool = False  # no change of the scales makes the parts overlap
 
 
 class _Judge:

@@ -23,18 +23,15 @@ UNKNOWN = 0  # the sign of a direction that depends on the pose
 
 
 class _Host(NamedTuple):
-    """A part pair that carries a claim: as `judging` takes it, and the parts' numbers.
+    """A part pair that carries a claim: as `judging` takes it, and the parts' numbers."""
 
-    Vertices of both parts from the seeds, rows of both elements, rows of the direction in either, its sign.
-    """
-
-    one: Array
+    one: Array  # vertices of both parts from the seeds
     two: Array
-    first: Ints
+    first: Ints  # rows of both elements
     second: Ints
-    across: Ints
+    across: Ints  # rows of the direction in either
     along: Ints
-    sign: int
+    sign: int  # of the direction
     parts: tuple[int, int]
 
     def towards(self, direction: Direction) -> _Host:

@@ -65,7 +65,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
 @np.errstate(all="ignore")
 def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipliers] | None:
     """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it."""
-    # none where so many do not, and where parts were left out that might matter
+    # None where so many do not, and where parts were left out that might matter
     y = problem.weights * q
     amount = float(np.linalg.norm(y))
     if problem.amount != "weighted" or not _whole(problem) or not amount > 0.0:

@@ -41,20 +41,16 @@ Pose = tuple[Array, Array, Array]
 
 
 class _Contact(NamedTuple):
-    """Along which direction two parts come apart first, see `conditions`, and what forces there balance the motion.
-
-    `gap` and the unit `normal`, in the axes of body 2; numbers of the corners of both in its planes; the point that the
-    forces act at, about s_2; how badly they balance, relative to the motion.
-    """
+    """Along which direction two parts come apart first, see `conditions`, and what forces there balance the motion."""
 
     kind: int
     u: Array
     w: Array
     gap: float
-    normal: Array
-    corners: tuple[Ints, Ints]
-    point: Array
-    missed: float
+    normal: Array  # unit, in the axes of body 2
+    corners: tuple[Ints, Ints]  # numbers of the corners of both in its planes
+    point: Array  # that the forces act at, about s_2
+    missed: float  # how badly they balance, relative to the motion
 
 
 class OneContact:

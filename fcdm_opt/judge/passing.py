@@ -65,15 +65,11 @@ def _frame(way: Array) -> Array:
 
 
 class _Seen(NamedTuple):
-    """Facets as seen along a way, half-way between before and after.
+    """Facets as seen along a way, half-way between before and after."""
 
-    `corners` before and after, (t, 2, 3, 3), the way along the last axis; `flat`, (t, 3, 2): half-way, across the way;
-    `areas`, (t,): twice those, negative where a facet looks back.
-    """
-
-    corners: Array
-    flat: Array
-    areas: Array
+    corners: Array  # before and after, the way along the last axis, (t, 2, 3, 3)
+    flat: Array  # half-way, across the way, (t, 3, 2)
+    areas: Array  # twice those, negative where a facet looks back, (t,)
 
     @classmethod
     def along(cls, before: Array, after: Array, frame: Array) -> _Seen:

@@ -68,15 +68,12 @@ class Answer:
 
 
 class ObstaclePart(NamedTuple):
-    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
-
-    `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
-    """
+    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out."""
 
     part: ConvexPart
     scale: float
-    need: float
-    keep_out: int = -1
+    need: float  # the least gap it asks for, -inf where it asks for none
+    keep_out: int = -1  # counts from 0, -1 for the static body
 
     def placed(self, origin: Array) -> Array:
         """Return its vertices as scaled, from a point, (n, 3)."""

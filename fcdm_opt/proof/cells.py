@@ -396,8 +396,10 @@ def best_site(R, d, first, second, edged, site):
 
 @kernel
 def _reach(T, site, n, body, points, room, height):
-    """Return how much further than its own point vertices of a body reach in a site's direction; of `room` enough."""
-    # `n` is the direction over the cell, `height` is overwritten
+    """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
+
+    `n` is the direction over the cell, `height` is overwritten.
+    """
     reach = 0.0
     for v in range(len(points)):
         if body == 0:
@@ -428,8 +430,10 @@ def apart(T, site, one, two, margin, n, height):
 
 @kernel
 def inside(R, d, body, ends, normals, levels, slack, p, u):
-    """Set p + [0, 1] u to an edge of a body in the axes of the other; return from where to where it is inside that."""
-    # within a slack; where it is nowhere, the end is returned first
+    """Set p + [0, 1] u to an edge of a body in the axes of the other; return from where to where it is inside that.
+
+    Within a slack; where it is nowhere, the end is returned first.
+    """
     _placed(R, d, body, ends[0], p)
     _placed(R, d, body, ends[1], u)
     start, way = _entry(p, 0), _minus(_entry(u, 0), _entry(p, 0))
@@ -570,8 +574,10 @@ def _placed(R, d, body, x, out):
 
 @kernel
 def set_nearest(R, d, one, two, x, y):
-    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra."""
-    # return their distance; where the polyhedra overlap, 0 for a point of both
+    """Set x, about the moved seed in body 1's axes, and y, about s_2, to the nearest points of two polyhedra.
+
+    Return their distance; where the polyhedra overlap, 0 for a point of both.
+    """
     moved = np.empty((len(one), 3))
     for v in range(len(one)):
         _placed(R, d, 0, one[v], moved[v])

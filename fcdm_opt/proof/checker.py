@@ -152,14 +152,11 @@ class Obstacle:
 
 @dataclass(frozen=True, eq=False)
 class TrackedCrossing:
-    """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them.
-
-    Where a vertex touches an edge, `beside` are the normals of the faces beside the edge, else empty.
-    """
+    """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them."""
 
     kinds: tuple[int, ...]
     given: list[Interval]
-    beside: Array
+    beside: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
 
 
 class Examiner:
@@ -642,8 +639,10 @@ def _directions(witness: Array) -> Iterator[tuple[int, Ints, Interval, Interval]
 def _extremes(
     poses: Poses, kind: int, u: Interval, w: Interval, one: Interval, two: Interval
 ) -> tuple[Interval, Interval, list[Array]]:
-    """Return the vertices of two parts that are nearest to each other along directions, and what is beyond them."""
-    # these are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative
+    """Return the vertices of two parts that are nearest to each other along directions, and what others reach beyond.
+
+    These are (n, 3) each, at the centres of the pieces; upper bounds over them, (n,) each, are not negative.
+    """
     R = np.concatenate([x.middle for x in poses.centre[:9]], axis=1).reshape(-1, 3, 3)
     if kind == V1F2:
         n = u.middle

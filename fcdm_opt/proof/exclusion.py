@@ -50,7 +50,7 @@ def _pack(solids: Sequence[Solid]) -> Packed:
 
 
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
-    """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved by that."""
+    """Return a polytope within what is nearer to a part than a length: faces, edges and corners moved out by that."""
     # its vertices are where they are `placed`, (n, 3)
     middles = np.zeros_like(placed)
     for loop, normal in zip(part.loops, part.normals, strict=True):

@@ -155,9 +155,11 @@ def _lowest(points, n):
 
 @kernel
 def nearest_points(points1, points2):
-    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of which points."""
-    # the latter as pairs, (m, 2), and shares, (m,); zero where the hulls meet, with shares in a point of both. Wolfe's
-    # method, on at most four pairs of points
+    """Return the least of points2 - points1 over the hulls of (n1, 3) and (n2, 3), and how much of which points.
+
+    The latter as pairs, (m, 2), and shares, (m,); zero where the hulls meet, with shares in a point of both. Wolfe's
+    method, on at most four pairs of points.
+    """
     pairs, simplex, weights, own = np.zeros((5, 2), np.int64), np.empty((5, 3)), np.empty(5), np.empty(5)
     count, square = 1, 0.0
     x = points2[0, 0] - points1[0, 0], points2[0, 1] - points1[0, 1], points2[0, 2] - points1[0, 2]
@@ -207,9 +209,11 @@ def nearest_points(points1, points2):
 
 @kernel
 def nearer_than(need, points1, points2, way, low, high, normals):
-    """Return from where to where a hull that shifts along a way is nearer to another than `need`, how near midway."""
-    # it is not up to `low`, nor from `high` on. Infinite, with the end first, where it never is. `normals`, (2, 3), are
-    # set to directions that keep the hulls apart so far before and beyond
+    """Return from where to where a hull that shifts along a way is nearer to another than `need`, and how near midway.
+
+    It is not up to `low`, nor from `high` on. Infinite, with the end first, where it never is. `normals`, (2, 3), are
+    set to directions that keep the hulls apart so far before and beyond.
+    """
     moved = np.empty(points1.shape)
     first = _approach(points1, points2, way, 1.0, need, low, high, moved, normals[0])
     last = -_approach(points1, points2, way, -1.0, need, -high, -low, moved, normals[1])
@@ -229,9 +233,11 @@ def _between(points1, points2, way, shift, moved):
 
 @kernel
 def _approach(points1, points2, way, sign, need, start, end, moved, n):
-    """Return how far along a way, or back, two hulls shift from `start` until they are only `need` apart."""
-    # infinite where that is not before `end`. Newton's method: the distance is convex along the way, so that no step
-    # goes too far; n is set to the direction that proves it
+    """Return how far along a way, or back, two hulls shift from `start` until they are only `need` apart.
+
+    Infinite where that is not before `end`. Newton's method: the distance is convex along the way, so that no step goes
+    too far; n is set to the direction that proves it.
+    """
     here = start
     for _ in range(NEWTON):
         x = _between(points1, points2, way, sign * here, moved)
