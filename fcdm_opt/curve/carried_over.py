@@ -79,10 +79,8 @@ class CarriedOver:
     def _on_parts(
         self, parts: tuple[int, int], feature: Feature, of_parts: Callable[[_PartsAlike, _PartsAlike], T]
     ) -> tuple[tuple[int, int], T]:
-        """Return which parts as made have what two as drawn touch with, and what that is on them.
-
-        The same two, or, where bodies are cut otherwise as made, others that have the elements.
-        """
+        """Return which parts as made have what two as drawn touch with, and what that is on them."""
+        # the same two, or, where bodies are cut otherwise as made, others that have the elements
         refused = list[InputError]()
         for rows in self._candidates(parts, feature):
             one, two = (self._alike(k, *own) for k, own in enumerate(zip(parts, rows, strict=True)))
@@ -144,10 +142,8 @@ class _PartsAlike:
         return False
 
     def element(self, vertices: Sequence[int], n: Array) -> tuple[int, ...]:
-        """Return vertices of an element, those of a face in the order of its loop; of a corner's the farthest along n.
-
-        A corner that splits becomes several.
-        """
+        """Return vertices of an element, of a face in the order of its loop; of a corner's the farthest along n."""
+        # a corner that splits becomes several
         if len(vertices) > 2:
             facet = next(k for k, loop in enumerate(self.drawn.loops) if set(loop) == set(vertices))
             return self.made.loops[self.face(facet)]

@@ -85,10 +85,8 @@ def located(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho
 def facing(
     one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact, rho: Array, normal: Array, gap: float
 ) -> Contact:
-    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it.
-
-    Arguments as `located` takes them; `normal` from 1 to 2, unit.
-    """
+    """Return a contact of parts that are apart, or overlap, named by where they touch with the gap closed along it."""
+    # arguments as `located` takes them; `normal` from 1 to 2, unit
     return located(one, two, np.append(pose[:9], pose[9:] - gap * normal), contact, rho)
 
 
@@ -123,10 +121,8 @@ def kind_and_row(part: ConvexPart, own: Vertices) -> tuple[str, int]:
 def supporting_contact(
     one: ConvexPart, two: ConvexPart, normal: Array, pose: Array, slack: float = DEFAULT.tie
 ) -> Contact:
-    """Return the elements with which the parts support each other along a direction from 1 to 2.
-
-    `slack`: heights this near, relative to the part's size, count as equal.
-    """
+    """Return the elements with which the parts support each other along a direction from 1 to 2."""
+    # `slack`: heights this near, relative to the part's size, count as equal
     tops = _top(one, normal @ pose[:9].reshape(3, 3), slack), _top(two, -normal, slack)
     return contact_between(one, two, pose, *tops)
 
@@ -202,11 +198,9 @@ def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slac
 
 
 def distinct_on_true_faces(features: Sequence[Feature], movable: Body, static: Body) -> Sequence[Feature]:
-    """Return features of which none is another one's on the true faces; all where no body is made exact on these.
-
-    There an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
-    it or an edge of that face is up to rounding.
-    """
+    """Return features of which none is another one's on the true faces; all where no body is made exact on these."""
+    # there an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
+    # it or an edge of that face is up to rounding
     if movable.exact is None and static.exact is None:
         return features
     met, kept = {own: true_faces_met(own, movable, static) for own in features}, list[Feature]()
@@ -254,10 +248,8 @@ class Joint:
 
 
 def joints(movable: Body, static: Body, rho: Array, slack: float) -> tuple[Joint, ...]:
-    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`.
-
-    Without those that another one holds: a corner or an edge of a face that lies flush, what touches within it.
-    """
+    """Return every contact of two bodies as drawn at a scale pair, each feature once; see `meetings`."""
+    # without those that another one holds: a corner or an edge of a face that lies flush, what touches within it
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
     met = list[tuple[int, Array, Joint, tuple[Array, Array]]]()
@@ -319,10 +311,8 @@ def _of_contact(one: ConvexPart, two: ConvexPart, contact: Contact, site: Sequen
 
 
 def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -> bool:
-    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone.
-
-    Directions that only cuts between the parts of a body leave to a pair of them are none of the solids'.
-    """
+    """Tell whether a contact is of corners or edges of faces that lie flush, and opens along their normals alone."""
+    # directions that only cuts between the parts of a body leave to a pair of them are none of the solids'
     own = joint.feature
     around = [other.normals[0] for other in wide if is_within(own, other.feature)]
     one, two = (movable, movable.parts[joint.parts[0]]), (static, static.parts[joint.parts[1]])
@@ -331,10 +321,8 @@ def _is_held(joint: Joint, wide: Sequence[Joint], movable: Body, static: Body) -
 
 
 def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Ints) -> bool:
-    """Tell whether a facet of two parts' Minkowski difference is one of their solids', and not of a cut between parts.
-
-    `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`.
-    """
+    """Tell whether a facet of two parts' Minkowski difference is one of their solids', not of a cut between parts."""
+    # `one` and `two` are a part of each body; the site, (3,), is as of `kernels.facet_rows`
     kind, *rows = site.tolist()
     return all(
         (element := part.elements[letter][row]).kind == letter and body.owns(element)
@@ -344,10 +332,8 @@ def is_own(one: tuple[Body, ConvexPart], two: tuple[Body, ConvexPart], site: Int
 
 
 def _across(one: ConvexPart, two: ConvexPart, contact: Contact, separations: Array) -> float:
-    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is.
-
-    `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first.
-    """
+    """Return how far the parts reach across the plane of a face that is said to touch; 0 where none is."""
+    # `separations` along the parts' facet directions, see `kernels.facet_rows`: those of their faces come first
     deep, start = 0.0, 0
     for part, element in ((one, contact.feature.one), (two, contact.feature.two)):
         own = part.carriers(element) if element.kind == "F" else []
@@ -408,10 +394,8 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
 
 
 def covers(regions: list[Array], segments: list[Array], slack: float) -> bool:
-    """Tell whether convex regions hold the ends and middles of segments, or points: what touches there is their border.
-
-    Parts that are cut where a larger contact goes on have such contacts of their own.
-    """
+    """Tell whether convex regions hold ends and middles of segments, or points: what touches there is their border."""
+    # parts that are cut where a larger contact goes on have such contacts of their own
     low, high = (np.array([end(region, axis=0) for region in regions]) for end in (np.min, np.max))
     points = [point for ends in segments for point in (*ends, ends.mean(axis=0))]
     for point in points:

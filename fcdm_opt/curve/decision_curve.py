@@ -416,10 +416,8 @@ class DecisionCurve(NotebookRepr, Plain):
         return least
 
     def _buried(self, rho: Array) -> bool:
-        """Tell whether a contact of parts is one inside a solid kept as its surface, with which the other one overlaps.
-
-        All of its chain is, then, as that nowhere passes the surface.
-        """
+        """Tell whether a contact of parts is inside a solid kept as its surface, with which the other one overlaps."""
+        # all of its chain is, then, as that nowhere passes the surface
         complete = self.movable.full_body is self.static.full_body is None
         is_surface = complete and rho.min() > 0.0 and kept_as_surface(self.movable, self.static)
         return bool(is_surface and self._solids(rho).nested)

@@ -79,10 +79,8 @@ class Union:
 
     @cached_property
     def chains(self) -> list[list[Run]]:
-        """The chains of the union's boundary in the box, overlap on the left, each in order.
-
-        Pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`.
-        """
+        """The chains of the union's boundary in the box, overlap on the left, each in order."""
+        # pieces that two pairs share count once; where the pairs lie on opposite sides the piece is marked `snug`
         chains = []
         for chain in self._visible.chains:
             pacing.check()
@@ -99,10 +97,8 @@ class Union:
 
     @cached_property
     def alone(self) -> list[tuple[Array, Piece, Piece]]:
-        """Single scale pairs of the union's boundary, on none of its chains: a fit without play on all sides.
-
-        Each with pieces of two different directions that pass there, the first by their labels, cut to the point.
-        """
+        """Single scale pairs of the union's boundary, on none of its chains: a fit without play on all sides."""
+        # each with pieces of two different directions that pass there, the first by their labels, cut to the point
         found: list[tuple[Array, list[Piece]]] = []
         for piece_number, s in self._visible.alone:
             k, number = self._visible.owners[piece_number].tolist()
@@ -165,10 +161,8 @@ def _foremost(
 
 
 def _one_each(chain: list[list[Piece]]) -> list[Piece]:
-    """Choose one piece of each stretch, whatever the order of the parts.
-
-    A feature stays as long as it lasts along one line; of several that last equally long the first by its labels.
-    """
+    """Choose one piece of each stretch, whatever the order of the parts."""
+    # a feature stays as long as it lasts along one line; of several that last equally long the first by its labels
     chosen: list[Piece] = []
     while len(chosen) < len(chain):
         first = len(chosen)
@@ -229,10 +223,8 @@ def _sorted(chains: list[list[Piece]]) -> list[list[Piece]]:
 
 
 def _joined(chain: list[Piece]) -> list[Run]:
-    """Join consecutive pieces with one label and one line (a face that several parts share) into one run.
-
-    Edges are then labelled from the vertex at which their contact starts.
-    """
+    """Join consecutive pieces with one label and one line (a face that several parts share) into one run."""
+    # edges are then labelled from the vertex at which their contact starts
     runs = [Run(chain[0], (chain[0],))]
     for piece in chain[1:]:
         whole, pieces = runs[-1]

@@ -107,10 +107,8 @@ class Feature:
 
     @staticmethod
     def all_in_words(text: str, movable: Body, static: Body, keep_outs: Mapping[str, Body], head: str = "") -> str:
-        """Return a text with `in_words` in place of each label after `head`, which is left out.
-
-        "keep-out 'post' " before a label says what body 2 is.
-        """
+        """Return a text with `in_words` in place of each label after `head`, which is left out."""
+        # "keep-out 'post' " before a label says what body 2 is
 
         def told(found: re.Match[str]) -> str:
             own, other = Feature.from_label(found[2]), keep_outs.get(found[1] or "", static)

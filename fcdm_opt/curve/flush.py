@@ -31,15 +31,12 @@ Carrier = tuple[ConvexPart, ConvexPart, Contact]
 
 
 class Overlap(NamedTuple):
-    """How far elements reach over one another along a direction in their plane: what they share ends at zero.
-
-    `one` is the foremost vertex of body 1, as drawn; `two` the hindmost of body 2, as scaled and relative to its seed.
-    """
+    """How far elements reach over one another along a direction in their plane: what they share ends at zero."""
 
     depth: float
     way: Array
-    one: Array
-    two: Array
+    one: Array  # the foremost vertex of body 1, as drawn
+    two: Array  # the hindmost of body 2, as scaled and relative to its seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +67,8 @@ class Flush:
 
     @cached_property
     def turns(self) -> tuple[tuple[Array, Array], ...]:
-        """Unit directions (m, p), p carried by body 1: turned by R the elements are parallel iff every m . R p = 0.
-
-        An edge on a face: n . e = 0. Face on face: n_1 = -n_2, in two components.
-        """
+        """Unit directions (m, p), p carried by body 1: turned by R the elements are parallel iff every m . R p = 0."""
+        # an edge on a face: n . e = 0. Face on face: n_1 = -n_2, in two components
         one, two = self._pair
         if len(self.contact.one) == 2:
             return ((self.normal, _direction(one, self.contact.one)),)
@@ -100,10 +95,8 @@ class Flush:
         return replace(self, carriers=tuple(_carriers(movable, static, touching)) or self.carriers)
 
     def misfit(self, pose: Array, rho: Array) -> float:
-        """Return how far the elements' vertices are from one plane, a length: 0 where they are flush.
-
-        At a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,).
-        """
+        """Return how far the elements' vertices are from one plane, a length: 0 where they are flush."""
+        # at a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,)
         one, two = self._pair
         n = self._normal_at(pose)
         elements = placed_elements(one, two, pose, self.contact, rho)
@@ -132,10 +125,8 @@ class Flush:
         )
 
     def holds_between(self, start: tuple[Array, Array], end: tuple[Array, Array]) -> bool:
-        """Tell whether one host shares at two (pose, scale pair) what the elements shared when drawn.
-
-        If they differ by a shift, and in proportion on the way, it does between them.
-        """
+        """Tell whether one host shares at two (pose, scale pair) what the elements shared when drawn."""
+        # if they differ by a shift, and in proportion on the way, it does between them
         both = zip(self.shared(*start), self.shared(*end), strict=True)
         return any(all(dimension(own, self.least) >= self.dimension for own in pair) for pair in both)
 
@@ -146,11 +137,9 @@ class Flush:
 
 
 def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]:
-    """Return the flush contacts of two bodies as drawn at a scale pair on their curve, once for each pair of elements.
-
-    Seams between parts count for nothing: they are no faces of the bodies. Edges on the border of a larger contact are
-    no contact of their own.
-    """
+    """Return the flush contacts of two bodies as drawn at a scale pair on their curve, once per pair of elements."""
+    # seams between parts count for nothing: they are no faces of the bodies. Edges on the border of a larger contact
+    # are no contact of their own
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
     reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]

@@ -13,11 +13,9 @@ ROUNDING = 64.0 * 2.0**-53  # of entries, relative to their spread: they take a 
 @light
 @kernel
 def game(W):
-    """Return shares of the rows, >= 0 and together 1, whose mixture has the largest least entry, by the simplex method.
-
-    Entries are shifted to lie above 0; then the shares are the multipliers of max sum y, W y <= 1, y >= 0. Stopped
-    early they are still shares: whoever uses them looks at the mixture itself.
-    """
+    """Return shares of the rows, >= 0, together 1, whose mixture has the largest least entry, by the simplex method."""
+    # entries are shifted to lie above 0; then the shares are the multipliers of max sum y, W y <= 1, y >= 0. Stopped
+    # early they are still shares: whoever uses them looks at the mixture itself
     m, n = W.shape
     low, high = W.min(), W.max()
     spread = high - low

@@ -19,12 +19,9 @@ LIMITS = (DEFAULT.tie, DEFAULT.line, DEFAULT.nominal, LEAST_SCALE)
 
 
 class Stretch(NamedTuple):
-    """A stretch of a piece of a region, and whether it is snug, and whether another piece was dropped for part of it.
+    """A stretch of a piece of a region, whether it is snug, and whether another piece was dropped for part of it."""
 
-    Pieces of all regions are numbered one after the other.
-    """
-
-    piece: int
+    piece: int  # pieces of all regions are numbered one after the other
     lo: float
     hi: float
     snug: bool = False

@@ -308,11 +308,9 @@ def _climbed(reals, ints, vertex, n):
 
 @step
 def _extreme(reals, ints, n, bound):
-    """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain.
-
-    Where no neighbour is further on by more than rounding a vertex across a tiny edge still may lead to one that is,
-    and so may one where the half-edges are not those of the exact hull: all are looked at.
-    """
+    """Return the vertex extreme along n to rounding, and whether it is so by more than `bound` for certain."""
+    # where no neighbour is further on by more than rounding a vertex across a tiny edge still may lead to one that is,
+    # and so may one where the half-edges are not those of the exact hull: all are looked at
     vertex, margin = _summit(reals, ints, n)
     if margin > bound and reals[ints[0] + ints[1], 1] > 0.0:
         return vertex, True
@@ -457,11 +455,9 @@ def _edge_row(reals1, ints1, reals2, ints2, frame, h1, h2):
 
 @step
 def _track(reals1, reals2, frame, forward, kind, apex):
-    """Return the normal q of the plane in which the contact point moves, in the axes of the body whose edges it meets.
-
-    rho_1 x = d + rho_2 apex keeps it in the plane of d and the apex: it stays on q.x = 0. Seen from outside the face, q
-    points to the left of its way, so it leaves over the side that runs, counter-clockwise, from q.x < 0 to q.x > 0.
-    """
+    """Return the normal q of the plane in which the contact point moves, in axes of the body whose edges it meets."""
+    # rho_1 x = d + rho_2 apex keeps it in the plane of d and the apex: it stays on q.x = 0. Seen from outside the face,
+    # q points to the left of its way, so it leaves over the side that runs, counter-clockwise, from q.x < 0 to q.x > 0
     if kind == F1V2:
         q = _cross(_at(reals2, apex), _entry(frame, D))
         return _times(forward, _turned_back(frame, R, q))
@@ -528,10 +524,8 @@ def _fine_corner(reals1, ints1, reals2, ints2, frame, forward, kind, a, b, apex)
 
 @step
 def _cross_surely(reals1, ints1, reals2, ints2, frame, h1, h2, slack):
-    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain.
-
-    `slack`: bound of spokes per unit of radius.
-    """
+    """Tell whether two edges form a facet with n along (half-edge 1) x (half-edge 2): their arcs cross for certain."""
+    # `slack`: bound of spokes per unit of radius
     a, b, left, _ = _side(ints1, h1)
     u, v, over, _ = _side(ints2, h2)
     right, under = _half_edge(ints1, h1 ^ 1, FACE), _half_edge(ints2, h2 ^ 1, FACE)
@@ -627,12 +621,10 @@ def _edge_exit(reals1, ints1, reals2, ints2, frame, forward, i, j, entered):
 
 @step
 def _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, two):
-    """Return how a chain ends on its last site: AXIS_1, AXIS_2, FAR, or -1 where it cannot tell.
-
-    A face and an apex: along the line either the apex' scale falls to 0, which brings the contact to where the seed ray
-    of its body meets the face, or both scales grow, which brings it to where the apex' own ray does. If that ray is
-    inside the face's cone about its seed, no side of the face is met before.
-    """
+    """Return how a chain ends on its last site: AXIS_1, AXIS_2, FAR, or -1 where it cannot tell."""
+    # a face and an apex: along the line either the apex' scale falls to 0, which brings the contact to where the seed
+    # ray of its body meets the face, or both scales grow, which brings it to where the apex' own ray does. If that ray
+    # is inside the face's cone about its seed, no side of the face is met before
     if kind == E1E2:
         return FAR if _runs_away(reals1, ints1, reals2, ints2, frame, i, j) else -1
     if kind == F1V2:
@@ -652,11 +644,9 @@ def _chain_end(reals1, ints1, reals2, ints2, frame, forward, kind, i, j, one, tw
 
 @step
 def _next_site(reals1, ints1, reals2, ints2, frame, meets, h, vertex, skip, n):
-    """Return (kind, i, j) of the site beyond a corner, kind -1 where it cannot tell; E1E2: half-edges, n along i x j.
-
-    The contact has come to an edge (half-edge h, the face of the last site on its left) and a vertex: next is the first
-    crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end.
-    """
+    """Return (kind, i, j) of the site beyond a corner, kind -1: cannot tell; E1E2: half-edges, n along i x j."""
+    # the contact has come to an edge (half-edge h, the face of the last site on its left) and a vertex: next is the
+    # first crossing on the edge's arc with that of an edge at the vertex, or the face at the arc's end
     if meets == F1V2:
         face = _half_edge(ints1, h ^ 1, FACE)
         target = _turned(frame, COFACTORS, _at(reals1, ints1[0] + face))
@@ -749,10 +739,8 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
 
 @step
 def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points, chains):
-    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`.
-
-    Where kind0 >= 0, F1V2 or V1F2, the one chain that face0 is on instead: closed, or from infinity to infinity.
-    """
+    """Walk all chains that start on an axis; return (state, segments, chains). See `walk`."""
+    # where kind0 >= 0, F1V2 or V1F2, the one chain that face0 is on instead: closed, or from infinity to infinity
     if not (reals1[ints1[0] + ints1[1], 1] > 0.0 and reals2[ints2[0] + ints2[1], 1] > 0.0):
         return UNDECIDED, 0, 0
     # s_1 in part 2 where rho_1 = 0, s_2 in part 1 where rho_2 = 0. The region is convex and holds no line, so that its
@@ -917,11 +905,9 @@ _HORIZON, _RHO_1, _RHO_2 = 1e6, -2, -3  # scales beyond which no walk round a re
 
 @step
 def _conflict(reals1, ints1, reals2, ints2, frame, rows, last, corners, owner, count):
-    """Tell whether row `last`, which leaves nothing of a polygon, excludes it and every other scale pair for certain.
-
-    At the corner that it misses least, its gradient is balanced by those of the rows that meet there: their directions,
-    so weighted, add up to one that separates the parts at all positive scales.
-    """
+    """Tell whether row `last`, which leaves nothing of a polygon, excludes it and each other scale pair for certain."""
+    # at the corner that it misses least, its gradient is balanced by those of the rows that meet there: their
+    # directions, so weighted, add up to one that separates the parts at all positive scales
     a, b, c = rows[last, 3], rows[last, 4], rows[last, 5]
     best, m = -_INF, 0
     for k in range(count):
@@ -955,10 +941,8 @@ def _gradient(rows, owner):
 
 @step
 def _excluded(reals1, ints1, reals2, ints2, frame, n):
-    """Search, from n on, a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at any scales.
-
-    The perceptron's rule: turn away from whatever lies farthest ahead.
-    """
+    """Search, from n on, a direction with a < 0, b < 0 and c > 0 for certain: it separates the parts at any scales."""
+    # the perceptron's rule: turn away from whatever lies farthest ahead
     d = _entry(frame, D)
     length = _length(d)
     for _ in range(TRIALS):
@@ -1056,10 +1040,8 @@ _THIN = 1e-13  # stretches shorter than this, relative to their scales, are poin
 
 @kernel
 def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, points, chains):
-    """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED.
-
-    GRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`.
-    """
+    """Do what `_walk` does where signs tie, by way of a pose beside; the state is TIED in place of WALKED."""
+    # GRAZING: a direction of a face keeps the parts apart, or just touching, at all scale pairs to within `planarity`
     inside1, inside2 = reals1[ints1[0] + ints1[1], 2] > 0.0, reals2[ints2[0] + ints2[1], 2] > 0.0
     if not _length(_entry(frame, D)) > _SURE * max(frame[RADIUS_1], frame[RADIUS_2]):
         return UNDECIDED, 0, 0  # the seeds are one but for rounding
@@ -1881,10 +1863,8 @@ def _list(sites, rows, k, kind, i, j, row):
 @light
 @kernel
 def least_separation(reals1, ints1, reals2, ints2, pose, rho):
-    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2.
-
-    Minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart.
-    """
+    """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2."""
+    # minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart
     rows = facet_rows(reals1, ints1, reals2, ints2, pose)[1]
     best = -_INF
     for k in range(len(rows)):
@@ -1910,11 +1890,9 @@ def separation(reals1, ints1, reals2, ints2, pose, rho, n):
 @light
 @kernel
 def tracked_row(reals1, ints1, reals2, ints2, pose, site, sign):
-    """Return the row of a site at a pose; parallel edges give nan.
-
-    `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
-    facet.
-    """
+    """Return the row of a site at a pose; parallel edges give nan."""
+    # `sign` orients an edge pair's normal as +-(edge 1 x edge 2), so that it does not jump where the pair stops being a
+    # facet
     frame, row = np.empty(FRAME), np.full(6, np.nan)
     _set_frame(reals1, ints1, reals2, ints2, pose, 0.0, frame)
     kind, i, j = site[0], site[1], site[2]
@@ -1950,10 +1928,8 @@ def _pair(reals1, ints1, places1, reals2, ints2, places2, i, j):
 @light
 @kernel
 def least_gaps(reals1, ints1, places1, reals2, ints2, places2, transform, seed1, seed2, rho):
-    """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2).
-
-    The least over the pairs of what `near_gaps` tells.
-    """
+    """Return the signed gap of two unions at scale pairs (k, 2), and the part pair that has it, (k, 2)."""
+    # the least over the pairs of what `near_gaps` tells
     pose, n2 = relative_pose(transform, seed1, seed2), len(places2) - 1
     least, owners = np.full(len(rho), _INF), np.zeros((len(rho), 2), np.int64)
     for k in range(len(rho)):
@@ -1994,11 +1970,9 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
 @light
 @kernel
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
-    """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed.
-
-    The largest separation over its facet directions, in unions over those of `pair_bounds` too, for pairs that may have
-    the least of all, or less than `enough`; of others a lower bound that is at least as much.
-    """
+    """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed."""
+    # the largest separation over its facet directions, in unions over those of `pair_bounds` too, for pairs that may
+    # have the least of all, or less than `enough`; of others a lower bound that is at least as much
     gaps, best = pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho), _INF
     n2, least = len(places2) - 1, np.argmin(gaps)
     for turn in range(-1, gaps.size):  # the likeliest first
@@ -2082,10 +2056,8 @@ def _direction(way):
 @light
 @kernel
 def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
-    """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs times ways, 3), largest |a| and |b|.
-
-    The last is from the middle of the one part to that of the other at a scale pair.
-    """
+    """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs x ways, 3), largest |a| and |b|."""
+    # the last is from the middle of the one part to that of the other at a scale pair
     n1, n2, d = len(places1) - 1, len(places2) - 1, _entry(pose, 9)
     lines, most1, most2 = np.empty((n1 * n2 * _WAYS, 3)), 0.0, 0.0
     middles1, middles2 = _middles(reals1, ints1, places1), _middles(reals2, ints2, places2)
@@ -2217,10 +2189,8 @@ def _within(base, travel, lo, hi, cell):
 @light
 @kernel
 def take_out(spans, room, count, lo, hi, sliver, scale, points):
-    """Take an open interval out of closed ones; return how many are left.
-
-    Slivers within rounding are dropped, or with `points` kept as intervals that end where they start.
-    """
+    """Take an open interval out of closed ones; return how many are left."""
+    # slivers within rounding are dropped, or with `points` kept as intervals that end where they start
     if hi <= lo:
         return count
     made = 0

@@ -14,10 +14,8 @@ from fcdm_opt.compiling import kernel, light, step
 @light
 @kernel
 def pair_depths(lines, firsts, lasts, codes, cell, slack):
-    """Return how deep pairs overlap at least in a cell, (k,); -inf where a line keeps them apart by more than `slack`.
-
-    Lines (a, b, c) of pair p are those from `firsts[p]` to `lasts[p]`.
-    """
+    """Return how deep pairs overlap at least in a cell, (k,); -inf where a line keeps them more than `slack` apart."""
+    # lines (a, b, c) of pair p are those from `firsts[p]` to `lasts[p]`
     x, y, u, v = _middle(cell)
     depths = np.empty(len(codes))
     for k in range(len(codes)):

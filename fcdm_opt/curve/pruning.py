@@ -133,10 +133,8 @@ class _Pairs:
         )
 
     def inside(self, code: int, codes: Ints, cell: Cell) -> tuple[Flags, Flags]:
-        """Tell which pairs are further on than one along a line of its own that crosses a cell, and which end with it.
-
-        All others are inside the one there.
-        """
+        """Tell which pairs are further on than one along a line of it that crosses a cell, and which end with it."""
+        # all others are inside the one there
         rows, own = self.region(code).rows, int(np.flatnonzero(codes == code)[0])
         (one, starts), (two, others) = self._vertices
         line = DEFAULT.line / DEFAULT.prune * self.slack

@@ -140,11 +140,9 @@ class Region:
 
     @cached_property
     def clear(self) -> bool:
-        """Whether a facet direction keeps the parts apart, or just touching, at all scales to within `planarity`.
-
-        Such as faces in one plane through both seeds: which parts overlap by rounding, or at scales of 1e12, is no
-        boundary.
-        """
+        """Whether a facet direction keeps the parts apart, or just touching, at all scales to within `planarity`."""
+        # such as faces in one plane through both seeds: which parts overlap by rounding, or at scales of 1e12, is no
+        # boundary
         if self._walked or self.state == kernels.GRAZING:
             return self.status == "empty"
         rows = self.facet_rows
@@ -214,10 +212,8 @@ class Region:
         return [piece for chain in self.chains for piece in chain]
 
     def sides(self, pairs: Array) -> Ints:
-        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right.
-
-        Scale pairs, (n, 2), are all positive.
-        """
+        """Return 1 where the scaled parts are apart, 0 where they touch, -1 where they overlap, (n,); always right."""
+        # scale pairs, (n, 2), are all positive
         if self.surely_empty:
             return np.ones(len(pairs), np.int64)
         lines = self.lines
@@ -311,10 +307,8 @@ class Region:
         return strict, False
 
     def _flush(self, strict: Contact, rho: Array) -> Contact:
-        """Return the contact at a scale pair on the curve, features within `planarity` taken as one.
-
-        Of two faces within `planarity` of each other it stays the one that exact numbers name.
-        """
+        """Return the contact at a scale pair on the curve, features within `planarity` taken as one."""
+        # of two faces within `planarity` of each other it stays the one that exact numbers name
         rows = self.facet_rows
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack

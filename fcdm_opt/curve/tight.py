@@ -32,11 +32,9 @@ class TightLine(NamedTuple):
 
 @lru_cache(maxsize=POINTS)
 def tight_lines(point: SwitchingPoint) -> tuple[TightLine, ...]:
-    """Return the contact lines that meet at a switching point, one a feature: those of its segments, then all others.
-
-    Those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
-    bring any of them to the curve.
-    """
+    """Return the contact lines that meet at a switching point, one a feature: those of its segments, then others."""
+    # those of the facets of Minkowski differences that touch there, to `Tolerances.nominal` of the size: a motion may
+    # bring any of them to the curve
     movable, static = point.bodies
     sides = zip(point.features, point.pieces, strict=True)
     found = {name: TightLine(name, own.parts, own.site, own.normal, own.line) for name, own in sides}
@@ -61,11 +59,9 @@ def parallel(one: Array, two: Array) -> bool:
 
 @lru_cache(maxsize=POINTS)
 def choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
-    """Return the pairs of features that a switching point may keep under a motion, where three or more lines meet.
-
-    Which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a part
-    pair's Minkowski difference, or two part pairs'. Empty where there is no choice.
-    """
+    """Return the pairs of features that a switching point may keep under a motion, where three or more lines meet."""
+    # which two of them stay consecutive on the curve depends on the motion: those of its segments, neighbours on a part
+    # pair's Minkowski difference, or two part pairs'. Empty where there is no choice
     movable, static = point.bodies
     lines, found = tight_lines(point), []
     if len(lines) < 3:

@@ -30,11 +30,9 @@ from fcdm_opt.curve.kernels import (
 @light
 @kernel
 def touching_vertices(reals1, ints1, reals2, ints2, pose, rho, normal, slack):
-    """Return the vertices of the smallest elements of either part that hold all that two touching parts share.
-
-    Parts in packed arrays, see `kernels`; scale pair rho at which they touch; unit normal from 1 to 2. Heights and
-    places that differ by less than `slack`, relative to the sizes, are the same.
-    """
+    """Return the vertices of the smallest elements of either part that hold all that two touching parts share."""
+    # parts in packed arrays, see `kernels`; scale pair rho at which they touch; unit normal from 1 to 2. Heights and
+    # places that differ by less than `slack`, relative to the sizes, are the same
     n, d = _entry(normal, 0), _entry(pose, 9)
     own1 = support(reals1, ints1, _turned_back(pose, 0, n), slack)
     own2 = support(reals2, ints2, _times(-1.0, n), slack)
@@ -68,10 +66,8 @@ def touching_vertices(reals1, ints1, reals2, ints2, pose, rho, normal, slack):
 
 @kernel
 def support(reals, ints, n, slack):
-    """Return the vertices of a part's vertex, edge or face whose heights along n are within a slack of the largest.
-
-    A face's in their order around it; where these are on several faces, those of the face with most of them.
-    """
+    """Return the vertices of a part's vertex, edge or face whose heights along n are within a slack of the largest."""
+    # a face's in their order around it; where these are on several faces, those of the face with most of them
     heights, top = np.empty(ints[0]), -np.inf
     for k in range(ints[0]):
         heights[k] = _dot(n, _at(reals, k))
@@ -146,10 +142,8 @@ def _kept(own, corners, w, least):
 @light
 @kernel
 def clipped(shape, polygon, slack):
-    """Return the part of a segment or convex polygon inside a polygon of the same plane, in the sense of the latter.
-
-    Places that differ by less than `slack`, relative to the largest coordinate, are the same.
-    """
+    """Return the part of a segment or convex polygon inside a polygon of the same plane, in the sense of the latter."""
+    # places that differ by less than `slack`, relative to the largest coordinate, are the same
     near = slack * max(np.abs(shape).max(), np.abs(polygon).max())
     normal, corner = (0.0, 0.0, 0.0), _at(polygon, 0)
     for k in range(1, len(polygon) - 1):

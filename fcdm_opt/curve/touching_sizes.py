@@ -175,11 +175,9 @@ class TouchingSizes:
 
     @cached_property
     def vanishing(self) -> tuple[float, str, dict[str, float]]:
-        """By what factor the box may be widened until a face of a body vanishes, which, and the sizes where it does.
-
-        Parts are not made beyond (`resized`), whereas the rows go on: what a convex body has beside the face is told by
-        its other faces' planes.
-        """
+        """By what factor the box may be widened until a face of a body vanishes, which, and the sizes where it does."""
+        # parts are not made beyond (`resized`), whereas the rows go on: what a convex body has beside the face is told
+        # by its other faces' planes
         found: list[tuple[float, str, dict[str, float]]] = [(np.inf, "", {})]
         for role, body in () if self.as_drawn else zip(("movable", "static"), self.bodies, strict=True):
             own = [k for k, size in enumerate(self.sizes) if size.body == role]
@@ -208,10 +206,8 @@ class TouchingSizes:
         return np.vstack([pair.values for pair in self.pairs]), np.cumsum(counts) - counts
 
     def gap(self, p: Any) -> Array:
-        """Return the gap at sizes p, (..., k): > 0 apart, < 0 overlapping; as `DecisionCurve.gap`, with its sign.
-
-        The largest separation over the rows of a part pair, least over pairs.
-        """
+        """Return the gap at sizes p, (..., k): > 0 apart, < 0 overlapping; as `DecisionCurve.gap`, with its sign."""
+        # the largest separation over the rows of a part pair, least over pairs
         return np.minimum.reduce(self.gaps(p), axis=-1)
 
     def gaps(self, p: Any) -> Array:
@@ -239,10 +235,8 @@ class TouchingSizes:
         return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
 
     def feature(self, own: PairRows, row: int) -> Feature:
-        """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners.
-
-        Of a part's face that lies on several of the body's own it is the one that faces the other part.
-        """
+        """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""
+        # of a part's face that lies on several of the body's own it is the one that faces the other part
         if own.features:
             return own.features[row]
         one, two = (body.parts[k] for body, k in zip(self.bodies, own.parts, strict=True))
@@ -266,10 +260,8 @@ class TouchingSizes:
         return tuple(least_of(pair.values, self.box) for pair in self.pairs)
 
     def least_of_each(self) -> Array:
-        """Return sizes with the least gap in the box, of which those that it does not depend on close other pairs.
-
-        As far as they can, the pair with the least gap first: a part that two walls locate is off both of them.
-        """
+        """Return sizes with the least gap in the box, of which those that it does not depend on close other pairs."""
+        # as far as they can, the pair with the least gap first: a part that two walls locate is off both of them
         drawn, place = np.clip(0.0, self.box[:, 0], self.box[:, 1]), self.least()[1]
         near = DEFAULT.planarity * max(body.size for body in self.bodies)
         known = list[int]()
@@ -291,12 +283,10 @@ class TouchingSizes:
         return place
 
     def largest(self) -> tuple[float, Array]:
-        """Return the largest gap in the box, exact, and sizes at which it is: the largest play.
-
-        Of several such sizes those with the largest gap of all that they move: beside a lid that lies close, as always,
-        a slide is loosest where it has most play to its sides. The gap is the least over pairs of the largest of each
-        pair's rows: branched over which row a pair takes, each node a linear program.
-        """
+        """Return the largest gap in the box, exact, and sizes at which it is: the largest play."""
+        # of several such sizes those with the largest gap of all that they move: beside a lid that lies close, as
+        # always, a slide is loosest where it has most play to its sides. The gap is the least over pairs of the largest
+        # of each pair's rows: branched over which row a pair takes, each node a linear program
         moved = tuple(pair for pair in self.pairs if pair.values[:, 1:].any())
         if 0 < len(moved) < len(self.pairs):
             where = replace(self, pairs=moved).largest()[1]
@@ -375,18 +365,15 @@ def check_sizes(sizes: Sequence[Size]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _PosedPart:
-    """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`.
-
-    `bases` are a corner on each facet; `cones` turn a direction into its shares of a corner's three normals.
-    """
+    """A part at its pose: facets, corners and edges, and how they move by size; see `MovingPart`."""
 
     normals: Array
     triples: Ints
-    cones: Array
+    cones: Array  # turn a direction into its shares of a corner's three normals
     points: Array
     moves: Array
     names: Ints
-    bases: Ints
+    bases: Ints  # a corner on each facet
     edges: Ints
     along: Array
     ends: Ints
@@ -554,10 +541,8 @@ def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
 
 
 def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> PairRows:
-    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more.
-
-    `shares` of the uniform scale of either body that a unit of each size is, (2, k).
-    """
+    """Return the rows with the numbers of the decision curve's lines, where they have one: not rounded once more."""
+    # `shares` of the uniform scale of either body that a unit of each size is, (2, k)
     values, scales = pair.values.copy(), np.flatnonzero(shares.any(axis=0))
     for piece in region.pieces:
         a, b, c = piece.line
@@ -604,12 +589,10 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
 
 
 def least_of(rows: Array, box: Array, *, sign: bool = False) -> tuple[float, Array]:
-    """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides.
-
-    A game of a few rows and corners: to the mixture of rows the box answers with the corner that makes it least, to the
-    mixture of corners with the row that is largest there, until both are worth the same, which proves it. With `sign`
-    only so far as to tell which side of zero it is on.
-    """
+    """Return the least over the box of the largest row, and sizes at which it is; a corner where one row decides."""
+    # a game of a few rows and corners: to the mixture of rows the box answers with the corner that makes it least, to
+    # the mixture of corners with the row that is largest there, until both are worth the same, which proves it. With
+    # `sign` only so far as to tell which side of zero it is on
     middle, half = _centred(box)
     ends = np.where(rows[:, 1:] > 0.0, box[:, 0], np.where(rows[:, 1:] < 0.0, box[:, 1], middle))
     heights = rows[:, 0] + (ends * rows[:, 1:]).sum(axis=1)

@@ -45,10 +45,8 @@ ROLES = "movable", "static"
 def touching_true_faces(
     movable: Body, static: Body, sizes: Sequence[Size], *, transform: Any = None, **how: Any
 ) -> TouchingSizes:
-    """Return the sizes at which two bodies touch at a pose, see `TouchingSizes.of`: of true faces where they are known.
-
-    Bodies that are exact at points are taken for those that they stand for, and made exact anew.
-    """
+    """Return the sizes at which two bodies touch at a pose, see `TouchingSizes.of`: of true faces where known."""
+    # bodies that are exact at points are taken for those that they stand for, and made exact anew
     one, two = (own if own.exact is None else own.exact.facets for own in (movable, static))
     at_all, every_row = TrueSizes.of(one, two, sizes, how.get("carried")), how.get("least", True)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
@@ -143,10 +141,8 @@ class TrueContact(NamedTuple):
 def ends_of_line(
     near: NearestPoints | TrueContact, faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
 ) -> Array:
-    """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3).
-
-    Those given where there is no such line.
-    """
+    """Return the points of both bodies, as drawn, at the ends of the line along which they come nearest, (n, 2, 3)."""
+    # those given where there is no such line
     seed, moved = faces[0].body.seed, pose.copy()
     moved[:3, 3] += near.gap * near.normal
     point = moved[:3, :3] @ (seed + scales[0] * (near.points[0] - seed)) + moved[:3, 3]
@@ -177,11 +173,9 @@ def _of_each_faces(contacts: Sequence[TrueContact]) -> list[TrueContact]:
 
 
 def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) -> list[TrueContact]:
-    """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,).
-
-    To within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
-    where plane faces lie on each other, whose rims may be round.
-    """
+    """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,)."""
+    # to within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
+    # where plane faces lie on each other, whose rims may be round
     faces, found = (true_faces(movable), true_faces(static)), list[TrueContact]()
     if not any(own.is_round.any() for own in faces):
         return found
@@ -256,10 +250,8 @@ class TrueSizes:
         return float(carried) + sum(own.largest_move(self.sizes) for own in self.faces)
 
     def shifted(self, place: Array) -> list[Array]:
-        """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to.
-
-        Those that shift them at their other end, and each at both; those that offset them where that is outwards.
-        """
+        """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to."""
+        # those that shift them at their other end, and each at both; those that offset them where that is outwards
         box = np.array([own.tolerance for own in self.sizes], float)
         columns = [k for own in self.faces for k in own.shifts]
         found = np.tile(place, (2 + 2 * len(columns), 1))

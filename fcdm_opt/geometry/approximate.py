@@ -97,12 +97,10 @@ def _deviation(
 
 
 def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flags]) -> float:
-    """Return an upper bound of the distance of points of triangles from what a surface encloses.
-
-    The distance from one triangle is convex: no point of another triangle is further from it than a corner of that.
-    Nor is one further away than its centre and its radius together. Triangles whose bound is not yet good are cut into
-    four.
-    """
+    """Return an upper bound of the distance of points of triangles from what a surface encloses."""
+    # the distance from one triangle is convex: no point of another triangle is further from it than a corner of that.
+    # Nor is one further away than its centre and its radius together. Triangles whose bound is not yet good are cut
+    # into four
     from scipy.spatial import cKDTree
 
     samples, owners = _samples(surface)

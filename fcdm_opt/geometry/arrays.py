@@ -81,10 +81,8 @@ def row_lists(lists: Any, count: int, key: str, noun: str, *, repeats: bool = Fa
 
 
 def distinct_rows(rows: Array | Ints) -> tuple[Ints, Ints]:
-    """Return the first place of each distinct row, (n, k), in order of the rows, and which of these each row equals.
-
-    Far faster than numpy's unique rows, which it compares byte by byte.
-    """
+    """Return the first place of each distinct row, (n, k), in order of the rows, and which of these each row equals."""
+    # far faster than numpy's unique rows, which it compares byte by byte
     if not len(rows):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     order = np.lexsort(rows.T[::-1])

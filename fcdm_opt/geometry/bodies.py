@@ -160,11 +160,9 @@ class ConvexPart(_Sealed):
         return volume, middle
 
     def element_at(self, kind: str, k: int, point: Array) -> Element:
-        """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it.
-
-        It depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
-        side, of which the other bar leaves two faces.
-        """
+        """Return the body's own element that edge ("E") or face ("F") k of the part belongs to at a point of it."""
+        # it depends on the point where the part's edge or face lies on several of the body's: a bar of a cross has one
+        # side, of which the other bar leaves two faces
         return self.elements_at(kind, k, point[None])[0]
 
     def elements_at(self, kind: str, k: int, points: Array) -> list[Element]:
@@ -811,10 +809,8 @@ def about(seed: Array, scale: float) -> Array:
 
 
 def in_full(given: Any, poses: Array) -> Array:
-    """Return poses, (..., 4, 4), that were given in single precision with the nearest rotations in full; others as is.
-
-    What is no rotation to within single precision stays as it is.
-    """
+    """Return poses, (..., 4, 4), given in single precision with the nearest rotations in full; others as is."""
+    # what is no rotation to within single precision stays as it is
     if getattr(given, "dtype", None) != np.float32 or poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
         return poses
     left, _, right = np.linalg.svd(poses[..., :3, :3])

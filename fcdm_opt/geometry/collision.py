@@ -160,18 +160,13 @@ class ScaledPair:
         return judging.least_gaps(*self._solids, EXHAUSTIVE, frames) * frames[:, judging.UNIT]
 
     def lower_bounds(self, pairs: ArrayLike, transforms: Array) -> Array:
-        """Return what the distance is not less than, (k,), by spheres about the parts or, where these meet, by faces.
-
-        Cheaper than `least_separations`; arguments as there.
-        """
+        """Return bounds below `least_separations`, (k,), more cheaply: by spheres about the parts, else by faces."""
         frames = self._framed(pairs, transforms)
         return judging.nearness(*self._solids, frames).min(axis=(1, 2)) * frames[:, judging.UNIT]
 
     def separation_by_faces(self, rho: ArrayLike, transform: Array, enough: float) -> float:
-        """Return the least over the part pairs of the largest gap along a face normal of either, length.
-
-        Once a pair has no more than `enough`, that; 0 for more than `MOST_PAIRS` pairs, which take long.
-        """
+        """Return the least over the part pairs of the largest gap along a face normal of either, length."""
+        # once a pair has no more than `enough`, that; 0 for more than `MOST_PAIRS` pairs, which take long
         if self.count > MOST_PAIRS:
             return 0.0
         frame, least = self._framed(np.asarray(rho)[None], transform[None]), np.inf
@@ -182,10 +177,8 @@ class ScaledPair:
         return least
 
     def _least(self, frames: Array, settled: Flags | None) -> Array:
-        """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units.
-
-        Asked as long as any can be less; nan stays.
-        """
+        """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units."""
+        # asked as long as any can be less; nan stays
         first, second = self._hulls
         known, alone = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
         if alone and settled is None and known.all():
@@ -233,11 +226,9 @@ class ScaledPair:
         return values, judging.believed(one.solid.planes, two.solid.planes, frames, values, witnesses, opposite)
 
     def exact_separation(self, rho: ArrayLike, transform: Array) -> float:
-        """Return what `least_separations` does, in rational arithmetic on the numbers as given, rounded at the end.
-
-        Only directions that come near the largest separation in floats are worked out again; the transform is taken
-        as it is, rational and not exactly orthogonal.
-        """
+        """Return what `least_separations` does, in rational arithmetic on the numbers as given, rounded at the end."""
+        # only directions that come near the largest separation in floats are worked out again; the transform is taken
+        # as it is, rational and not exactly orthogonal
         frame = self._frame(rho, transform)
         least = np.full(1, np.inf)
         T, (here, there), (rho_1, rho_2) = exactly(transform), exactly(self._seeds), exactly(np.asarray(rho))
@@ -254,11 +245,9 @@ class ScaledPair:
         return float(least[0] * frame.unit)
 
     def gradients(self, rho: ArrayLike, transform: Array, slack: float) -> Array:
-        """Return how fast the separation of touching parts falls as the scales grow, (k, 2).
-
-        One row for each face normal and edge x edge direction along which a part pair that touches, to within `slack`,
-        is no more than `slack` away from touching.
-        """
+        """Return how fast the separation of touching parts falls as the scales grow, (k, 2)."""
+        # one row for each face normal and edge x edge direction along which a part pair that touches, to within
+        # `slack`, is no more than `slack` away from touching
         frame = self._frame(rho, transform)
         found = [np.empty((0, 2))]
         for one, two in product(*self._hulls):
@@ -274,11 +263,9 @@ class ScaledPair:
     def best_direction(
         self, rho: ArrayLike, transform: Array, parts: tuple[int, int], elements: tuple[Ints, Ints]
     ) -> Direction:
-        """Return a direction in which two parts that touch with some elements are farthest apart, or overlap least.
-
-        Among the normals of the faces at the elements' vertices, and of pairs of edges there: between these lies every
-        direction that keeps parts apart which touch so. Faces come first.
-        """
+        """Return a direction in which two parts that touch with some elements are farthest apart, or overlap least."""
+        # among the normals of the faces at the elements' vertices, and of pairs of edges there: between these lies
+        # every direction that keeps parts apart which touch so. Faces come first
         one, two = (hulls[k] for hulls, k in zip(self._hulls, parts, strict=True))
         frame = self._frame(rho, transform)
         first, second = (_edges_at(hull.part, rows) for hull, rows in zip((one, two), elements, strict=True))
@@ -357,10 +344,8 @@ def _ears(loop: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 
 
 def _directions(one: _Hull, two: _Hull, R: Array, faces: Rows = ALL, edges: Rows = ALL) -> Array:
-    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice.
-
-    Those of some faces and edges of either part alone, where these are given.
-    """
+    """Return all directions that can separate most, (k, 3), unit, body 1 to body 2; edge pairs come last, twice."""
+    # those of some faces and edges of either part alone, where these are given
     first, second = one.edges[edges[0]], two.edges[edges[1]]
     crosses = np.cross((first @ R.T)[:, None], second[None]).reshape(-1, 3)
     lengths = np.linalg.norm(crosses, axis=1)
@@ -388,12 +373,11 @@ def _gaps_along(n: Array, one: _Hull, two: _Hull, frame: _Frame) -> Array:
 
 
 def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
-    """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong.
-
-    All differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
-    directions with a gap at the vertices that are nearest, is a least distance problem, solved through non-negative
-    least squares. Of parts that overlap, the direction in which they do so least; of very large ones that of the seeds.
-    """
+    """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong."""
+    # all differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
+    # directions with a gap at the vertices that are nearest, is a least distance problem, solved through non-negative
+    # least squares. Of parts that overlap, the direction in which they do so least; of very large ones that of the
+    # seeds
     from scipy.optimize import nnls
 
     places = _nearest(one, two, frame)
@@ -415,11 +399,9 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
 
 
 def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
-    """Return vertices of both parts whose hulls hold the points that are nearest to each other.
-
-    Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
-    one that lies furthest back along it, that point is found anew.
-    """
+    """Return vertices of both parts whose hulls hold the points that are nearest to each other."""
+    # Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
+    # one that lies furthest back along it, that point is found anew
     X, Y = frame.offset + frame.scales[0] * one.points @ frame.R.T, frame.scales[1] * two.points
     way, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
     for _ in range(MOST):

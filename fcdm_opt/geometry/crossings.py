@@ -111,10 +111,8 @@ def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
 
 
 def not_separated(one: Array, two: Array) -> Ints:
-    """Return the pairs of triangles, (m, 3, 3), that no plane across one of the axes keeps apart by more than rounding.
-
-    Across a triangle, along a side of both, or through a side and across its triangle.
-    """
+    """Return the pairs of triangles, (m, 3, 3), that no plane across an axis keeps apart by more than rounding."""
+    # across a triangle, along a side of both, or through a side and across its triangle
     one, two = one - one[:, :1], two - one[:, :1]
     reach = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
     ways = np.concatenate([following(own) - own for own in (one, two)], axis=1)

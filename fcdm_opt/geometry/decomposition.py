@@ -99,10 +99,8 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
 
 
 def by_features(mesh: Mesh, rule: int) -> Decomposition:
-    """Return the exact partition of a solid in which each of its features may change its size by itself.
-
-    Cuts lie along planes of the feature's own faces, or between features; it may have more parts than others.
-    """
+    """Return the exact partition of a solid in which each of its features may change its size by itself."""
+    # cuts lie along planes of the feature's own faces, or between features; it may have more parts than others
     solid = _Solid.of(mesh)
     cells = partition_by_features(solid.space, solid.hull, solid.inner, RULES[rule])
     if not _fills(mesh, solid.space, cells):

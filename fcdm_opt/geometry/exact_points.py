@@ -93,7 +93,11 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
         away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[::-1], strict=True))
         directions = [along, -along, *away]
     else:
-        directions = _from_corner(normals)
+        first, second = np.triu_indices(len(normals), 1)  # edges of the cone below the planes with these normals
+        along = cross(normals[first], normals[second])
+        along = along[norms(along) > DEFAULT.sharp]
+        both = units(np.concatenate([along, -along]))
+        directions = [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
         if len(directions) < 3:
             return None
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
@@ -101,15 +105,6 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
     return corners, tuple(faces.row_at(k, point) for k in near), normals, hull
-
-
-def _from_corner(normals: Array) -> list[Array]:
-    """Return the directions from a corner along the edges of the cone below the planes with these normals."""
-    one, two = np.triu_indices(len(normals), 1)
-    along = cross(normals[one], normals[two])
-    along = along[norms(along) > DEFAULT.sharp]
-    both = units(np.concatenate([along, -along]))
-    return [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:

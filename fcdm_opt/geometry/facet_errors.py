@@ -51,10 +51,8 @@ ALIKE = 4.0  # a facet of more than this times the usual error of its neighbours
 
 
 def facet_errors(body: Body) -> Array | None:
-    """Return how far each face sticks out of the surface that it stands for, and falls short of it, (faces, 2).
-
-    0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then.
-    """
+    """Return how far each face sticks out of the surface that it stands for, and falls short of it, (faces, 2)."""
+    # 0 for plane faces. None where the parts only come near the solid: which of its faces are off is not known then
     body = body.full_body or body
     return _recognised(body) if body.facet_errors is None else body.facet_errors
 
@@ -165,11 +163,9 @@ def _flats(errors: Array) -> Flags:
 
 
 def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple[Ints, Array]:
-    """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2).
-
-    Of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
-    which turn anyhow, do not.
-    """
+    """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2)."""
+    # of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
+    # which turn anyhow, do not
     faces = sorted(face for face in normals if len(face) < MANY and face not in known and face in body.face_rows)
     if len(faces) < STRIP:
         return np.empty(0, np.int64), np.empty((0, 2))
@@ -285,10 +281,8 @@ def _squared(form: Array, steps: Array) -> Array:
 
 @cached_of_whole
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
-    """Return a body that the true one holds, and one that holds it; the body itself where its faces are true.
-
-    None where none are known.
-    """
+    """Return a body that the true one holds, and one that holds it; the body itself where its faces are true."""
+    # None where none are known
     errors = facet_errors(body)
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
     return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
@@ -310,10 +304,8 @@ def _moved(body: Body, off: Array, errors: Array) -> Body | None:
 
 
 def _parts_moved(body: Body, off: Array) -> Body | None:
-    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts outward stay.
-
-    What is left of no part after an inward move is left out.
-    """
+    """Return it of a body cut into convex parts: the half-spaces of each are moved, cuts outward stay."""
+    # what is left of no part after an inward move is left out
     points, hulls, parts, count = [body.vertices], list[Hull](), list[ConvexPart | None](), len(body.vertices)
     moved = list[tuple[ConvexPart, Array]]()
     if off.min() < 0.0:
@@ -349,10 +341,8 @@ def _parts_moved(body: Body, off: Array) -> Body | None:
 
 
 def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> ConvexPart:
-    """Return a part whose facets were moved, with the drawn part's names where facets stay: a plane remains one face.
-
-    Edges keep theirs where both their facets stay, and corners where all do, unless the part is of other facets now.
-    """
+    """Return a part with facets moved, with the drawn part's names where facets stay: a plane remains one face."""
+    # edges keep theirs where both their facets stay, and corners where all do, unless the part is of other facets now
     alike = np.eye(len(shift), dtype=bool)
     if made.loops is not drawn.loops:
         alike = made.normals @ drawn.normals.T >= 1.0 - DEFAULT.nominal
@@ -375,11 +365,9 @@ def _named_as_drawn(made: ConvexPart, drawn: ConvexPart, shift: Array) -> Convex
 
 
 def _inward(body: Body, off: Array) -> list[Array]:
-    """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out.
-
-    A part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With its
-    faces moved by what any face that it reaches stands out, and its cuts there by more, nothing of it does.
-    """
+    """Return how far each facet of each part moves inward, (facets,): cuts too that end at a face which stands out."""
+    # a part may reach such a face in an edge or a corner alone, and its corners be between those of the face. With its
+    # faces moved by what any face that it reaches stands out, and its cuts there by more, nothing of it does
     (normals, places), (rows,) = body.face_planes, np.nonzero(off)
     corners, owners = body.face_triangles
     slack = DEFAULT.cut * body.size
@@ -402,10 +390,8 @@ def _inward(body: Body, off: Array) -> list[Array]:
 
 
 def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] | None:
-    """Return corners and hull of a convex part whose facets are moved outward; None where nothing is left of it.
-
-    As a rule the same facets meet in the same corners. Where they do not, half-spaces are intersected anew.
-    """
+    """Return corners and hull of a convex part whose facets are moved outward; None where nothing is left of it."""
+    # as a rule the same facets meet in the same corners. Where they do not, half-spaces are intersected anew
     normals, levels = part.normals, part.levels + shift
     on = np.zeros((len(part.vertices), len(part.loops)))
     for k, loop in enumerate(part.loops):
@@ -428,10 +414,8 @@ def _shifted(part: ConvexPart, shift: Array, near: float) -> tuple[Array, Hull] 
 
 
 def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
-    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved.
-
-    Those of faces that are `flat`, (faces,), stay in their planes.
-    """
+    """Return it of a body kept as its surface: corners move such that each facet ends beyond its own plane moved."""
+    # those of faces that are `flat`, (faces,), stay in their planes
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     owners = body.face_triangles[1]
     first, same = distinct_rows(body.vertices)
@@ -472,10 +456,8 @@ def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
 
 
 def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int) -> Array | None:
-    """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved.
-
-    It stays in the planes of flat faces. None where there is no such move.
-    """
+    """Return the least move of each corner, (count, 3), that takes it beyond all its facets' planes moved."""
+    # it stays in the planes of flat faces. None where there is no such move
     moves, side = np.zeros((count, 3)), 1.0 if off.max() > 0.0 else -1.0
     faces, their = np.repeat(owners, 3), corners.ravel()
     order = np.argsort(their, kind="stable")
@@ -496,10 +478,8 @@ def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags,
 
 
 def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
-    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most.
-
-    (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`.
-    """
+    """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most."""
+    # (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`
     bodies = movable, *others
     if any(own.exact is not None for own in bodies):  # at the points that tell their gaps
         return 0.0, 0.0
@@ -510,10 +490,8 @@ def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
 
 
 def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
-    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why.
-
-    None where they are not, see `gaps_off`.
-    """
+    """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why."""
+    # None where they are not, see `gaps_off`
     out, short = gaps_off(movable, others)
     if not max(out, short) > 0.0:
         return []

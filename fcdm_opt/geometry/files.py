@@ -381,10 +381,8 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
 
 
 def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float], list[Swept], float]:
-    """Return vertices of a mesh moved, within single precision, onto the surfaces around them; how far triangles leave.
-
-    That is measured at curved surfaces that are known, and the bound asked for at others; both come with it.
-    """
+    """Return vertices of a mesh moved, within single precision, onto surfaces around them; how far triangles leave."""
+    # that is measured at curved surfaces that are known, and the bound asked for at others; both come with it
     vertices = np.array(mesh.vertices)
     first, same = distinct_rows(vertices)
     distinct, triangles = vertices[first], same[mesh.faces]

@@ -78,11 +78,9 @@ class Incidences:
 
 
 def settled(points: Array, lies: Incidences, slack: float) -> Array:
-    """Return points moved onto their planes, by no more than what the slack explains; what is plane stays as it is.
-
-    Where at most three planes meet at each point these need not change; where more do, planes and points are moved
-    together, as little as they can be (Newton's method, least squares of least norm).
-    """
+    """Return points moved onto their planes, by no more than what the slack explains; what is plane stays as it is."""
+    # where at most three planes meet at each point these need not change; where more do, planes and points are moved
+    # together, as little as they can be (Newton's method, least squares of least norm)
     place, enough = points.copy(), DEFAULT.normal * float(np.abs(points).max())
     free = np.ones(len(points), bool) if lies.held is None else ~lies.held
     normals, levels = lies.fitted(place)

@@ -126,10 +126,8 @@ def _closed(corners: Ints, sizes: Ints, key: str) -> Sides:
 
 
 def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
-    """Join triangles in one plane; return the faces' corners one after another, and how many each has.
-
-    The face of the largest triangle comes first.
-    """
+    """Join triangles in one plane; return the faces' corners one after another, and how many each has."""
+    # the face of the largest triangle comes first
     sides = _closed(triangles.ravel(), np.full(len(triangles), 3), key)
     _, corners, counts, whole = convex_faces(local, triangles, sides)
     if not whole:
@@ -138,10 +136,8 @@ def _faces(local: Array, triangles: Ints, key: str) -> tuple[Ints, Ints]:
 
 
 def flat_groups(local: Array, triangles: Ints, sides: Sides) -> Ints:
-    """Return for each triangle of a surface the first of those that lie in one plane with it, one beside the other.
-
-    `local` are its corners in units of its size.
-    """
+    """Return for each triangle of a surface the first of those that lie in one plane with it, one beside the other."""
+    # `local` are its corners in units of its size
     along, c, d = sides.sections(local, sides.pairs)
     fold = np.abs((along * cross(c, d)).sum(axis=1))  # both within `planarity` of the plane of one of them
     joined = (fold <= DEFAULT.planarity * np.maximum(norms(c), norms(d))) & ((c * d).sum(axis=1) < 0)
@@ -178,10 +174,8 @@ def convex_faces(local: Array, triangles: Ints, sides: Sides) -> tuple[Ints, Int
 
 
 def _areas(corners: Array) -> Array:
-    """Return twice the area vectors of triangles, (t, 3, 3).
-
-    From the longest side and the height on it, so that even a sliver's lies across its length.
-    """
+    """Return twice the area vectors of triangles, (t, 3, 3)."""
+    # from the longest side and the height on it, so that even a sliver's lies across its length
     sides = following(corners) - corners
     lengths = (sides**2).sum(axis=2)
     longest, rows = lengths.argmax(axis=1), np.arange(len(corners))

@@ -130,10 +130,8 @@ def believed(planes, faces, frames, values, firsts, seconds):
 
 @np.errstate(all="ignore")
 def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Array:
-    """Return lower bounds of the signed distances of all part pairs, (k, parts 1, parts 2), in units.
-
-    How far the spheres about the parts are apart; where they meet, the largest gap along the parts' face normals.
-    """
+    """Return lower bounds of the signed distances of all part pairs, (k, parts 1, parts 2), in units."""
+    # how far the spheres about the parts are apart; where they meet, the largest gap along the parts' face normals
     found = _ball_gaps(ones, twos, frames)
     for i, j in np.argwhere((found <= 0.0).any(axis=0)).tolist():
         at = np.flatnonzero(found[:, i, j] <= 0.0)
@@ -142,12 +140,10 @@ def nearness(ones: Sequence[Solid], twos: Sequence[Solid], frames: Array) -> Arr
 
 
 def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: Array) -> Array:
-    """Return the least over the part pairs of the largest gap along any direction that can separate most, (k,), units.
-
-    These are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
-    where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further apart
-    than the least so far are passed over.
-    """
+    """Return the least over part pairs of the largest gap along any direction that can separate most, (k,), units."""
+    # these are all face normals and the edge x edge directions that are normals of facets of the parts' difference; nan
+    # where a part pair that may be the nearest has more than `most` pairs of edges. Pairs whose spheres are further
+    # apart than the least so far are passed over
     if len(ones) == len(twos) == 1 and len(ones[0].edges) * len(twos[0].edges) <= most:
         return widest(ones[0], twos[0], frames, edged=True)
     with np.errstate(all="ignore"):
@@ -163,10 +159,8 @@ def least_gaps(ones: Sequence[Solid], twos: Sequence[Solid], most: int, frames: 
 
 
 def nearest_first(bounds: Array, least: Array) -> Iterator[tuple[int, Ints]]:
-    """Yield part pairs by lower bounds of their gaps, (k, pairs), and the frames in which one may be below `least`.
-
-    As long as there are any: whoever asks lowers `least`, (k,), meanwhile. nan is below nothing.
-    """
+    """Yield part pairs by lower bounds of their gaps, (k, pairs), and the frames in which one may be below `least`."""
+    # as long as there are any: whoever asks lowers `least`, (k,), meanwhile. nan is below nothing
     lowest = np.fmin.reduce(bounds, axis=0, initial=np.inf)
     first = np.argpartition(lowest, FEW)[:FEW] if len(lowest) > FEW else np.arange(len(lowest))
     for rest in (False, True):  # of millions few are left after these
@@ -436,11 +430,9 @@ def _longest_side(points):
 
 @step
 def _sides_within(x, y, slack, corners, count):
-    """Append both ends of what an element x has of each side of another, and return how many are there then.
-
-    Each side of y is cut by the half-planes of x that it leaves by more than the slack; a segment's are those beyond
-    its ends too.
-    """
+    """Append both ends of what an element x has of each side of another, and return how many are there then."""
+    # each side of y is cut by the half-planes of x that it leaves by more than the slack; a segment's are those beyond
+    # its ends too
     last, middle_e, middle_f = len(x) - 1, 0.0, 0.0
     for m in range(len(x)):
         middle_e, middle_f = middle_e + x[m, 0] / len(x), middle_f + x[m, 1] / len(x)
@@ -542,10 +534,8 @@ def _apart(x, first, y, second):
 
 @step
 def _shared(x, first, y, second):
-    """Return a point of two flush elements, and its distances from both together, these first.
-
-    A corner of what they share: of one of them, or where their sides cross.
-    """
+    """Return a point of two flush elements, and its distances from both together, these first."""
+    # a corner of what they share: of one of them, or where their sides cross
     way = _minus(x[first[1]], x[first[0]])
     best, point, enough = np.inf, _plus(way, -1.0, way), PARALLEL * np.sqrt(_dot(way, way))
     for m in range(len(first) + len(second)):

@@ -52,10 +52,8 @@ def unit_normals(polygons: Array) -> Array:
 
 
 def least_vector(rows: Array, levels: Array) -> Array | None:
-    """Return the shortest x, (k,), with rows x >= levels, rows (m, k); None where there is none.
-
-    By the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23).
-    """
+    """Return the shortest x, (k,), with rows x >= levels, rows (m, k); None where there is none."""
+    # by the dual, least squares with multipliers that are not negative (Lawson and Hanson, 1974, chapter 23)
     from scipy.optimize import nnls
 
     scale = max(float(np.abs(levels).max()), SMALLEST)
@@ -67,10 +65,8 @@ def least_vector(rows: Array, levels: Array) -> Array | None:
 
 
 def nearest_mixture(points: Array) -> Array:
-    """Return shares of points, (n, 3), not negative and with sum 1, that mix the point of their hull nearest to zero.
-
-    By least squares with shares that are not negative, whose sum comes near 1: over it, they are those.
-    """
+    """Return shares of points, (n, 3), not negative, with sum 1, that mix the point of their hull nearest to zero."""
+    # by least squares with shares that are not negative, whose sum comes near 1: over it, they are those
     from scipy.optimize import nnls
 
     shares = nnls(np.vstack([points.T, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))[0]
@@ -87,10 +83,8 @@ def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:
 
 
 def corners_within(normals: Array, levels: Array, near: float) -> Array | None:
-    """Return the corners of half-spaces n . x <= level, (n, 3), some more than once; None where hardly a ball fits in.
-
-    `near`: radius up to which one hardly does.
-    """
+    """Return the corners of half-spaces n . x <= level, (n, 3), some repeated; None where hardly a ball fits in."""
+    # `near`: radius up to which one hardly does
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     middle, radius = largest_ball(normals, levels)
@@ -129,11 +123,9 @@ def exact_volume(corners: Array) -> fmpq:
 
 
 def winding_numbers(points: Array, corners: Array) -> Array:
-    """Return how often triangles, (t, 3, 3), counter-clockwise seen from outside, wind round each point, (m,).
-
-    Of a closed surface: 1 inside, 0 outside. By solid angles (van Oosterom and Strackee 1983), not reliable nearer to
-    a triangle than rounding.
-    """
+    """Return how often triangles, (t, 3, 3), counter-clockwise seen from outside, wind round each point, (m,)."""
+    # of a closed surface: 1 inside, 0 outside. By solid angles (van Oosterom and Strackee 1983), not reliable nearer to
+    # a triangle than rounding
     total = np.zeros(len(points))
     step = max(1, BLOCK // max(1, len(points)))
     for start in range(0, len(corners), step):

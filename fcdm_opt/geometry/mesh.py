@@ -166,10 +166,8 @@ def _first_solid(surfaces: Iterable[JoinedShells | None], given: Faces, name: st
 def _closed_up(
     points: Array, polygons: list[Polygon], unit: int, size: float, key: str
 ) -> tuple[Faces, Ints, Ints, float]:
-    """Return a closed surface, the points kept, the place among them of each point, and the slack of welding.
-
-    Where it is open, points a little further from each other are made one: meshes come with seams of a millionth.
-    """
+    """Return a closed surface, the points kept, the place among them of each point, and the slack of welding."""
+    # where it is open, points a little further from each other are made one: meshes come with seams of a millionth
     rounding = 4 * float(np.spacing(np.abs(points).max()))
     refused: InputError | None = None
     for weld in (DEFAULT.weld, DEFAULT.seam):
@@ -274,10 +272,9 @@ def _outward(surface: Faces, triangles: Ints, owner: Ints, slack: float, key: st
 
 
 def _shells(surface: Faces) -> Ints:
-    """Return for each face the number of its closed surface: those that edges of two faces connect, if they are closed.
-
-    Others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on face.
-    """
+    """Return for each face the number of its closed surface: those that edges of two faces connect, if closed."""
+    # others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on
+    # face
     sides = Sides.of(surface.polygons)
     order = np.argsort(sides.edge, kind="stable")
     links = np.column_stack([order[1:], order[:-1]])[np.diff(sides.edge[order]) == 0]

@@ -48,11 +48,9 @@ class MovesOfFaces(NamedTuple):
     def of(
         cls, facets: Body, sizes: Sequence[Size], offsets: Array | None = None, turns: Array | None = None
     ) -> MovesOfFaces:
-        """Return them; raises `InputError` for a size that makes something else of a round face.
-
-        By default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
-        scales.
-        """
+        """Return them; raises `InputError` for a size that makes something else of a round face."""
+        # by default faces move by all of what sizes say; `offsets` (faces, k) and `turns` where some of them count as
+        # scales
         offsets = offsets_of_faces(facets, sizes) if offsets is None else offsets
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3) if turns is None else turns
         lengths, shifts, rings = offsets.copy(), np.zeros((len(offsets), 3, len(sizes))), np.zeros_like(offsets)
@@ -88,10 +86,8 @@ def _across(axis: Array, point: Array) -> Array:
 
 
 def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
-    """Return how far each face of the body moves outward a unit of each size, (faces, k).
-
-    Those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned.
-    """
+    """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
+    # those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned
     offsets = np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
     for k in range(len(sizes)):
         for surface, move in _followed(body, offsets[:, k]).items():
@@ -113,10 +109,8 @@ def rows_moved(body: Body, made: Body, offsets: Array) -> Ints | None:
 
 
 def moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
-    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with them.
-
-    Faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise.
-    """
+    """Return the round surfaces of a body with faces moved outward, (faces,): each has the radius that goes with it."""
+    # faces of one surface may be moved by one length, or shifted besides; None where they are moved otherwise
     found = list[tuple[Swept, tuple[int, ...]]]()
     for (surface, rows), moved in zip(round_surfaces(body), _moves(body, offsets), strict=True):
         if moved is None:
@@ -137,10 +131,8 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
-    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`.
-
-    Those that can, with their radius kept, of at least two others; no more than so many in a row.
-    """
+    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`."""
+    # those that can, with their radius kept, of at least two others; no more than so many in a row
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found

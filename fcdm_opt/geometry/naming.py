@@ -123,11 +123,9 @@ def numbered_names(names: Sequence[str]) -> list[str]:
 
 
 def told_element(body: Body, element: Element) -> str:
-    """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5".
-
-    An edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
-    with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)".
-    """
+    """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5"."""
+    # an edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
+    # with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)"
     body = body.full_body or body
     if body.exact is not None:
         rows, points = rows_of_element(body, element), body.vertices[np.array(element.vertices) - 1]
@@ -194,10 +192,8 @@ def is_round(told: str) -> bool:
 
 
 def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
-    """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1.
-
-    But for bodies that are exact at points of round faces, of which there is a part for each.
-    """
+    """Return two convex parts in words: by their bodies, of which one with several has its parts counted from 1."""
+    # but for bodies that are exact at points of round faces, of which there is a part for each
     bodies = (movable.name or "the movable part", movable), (static.name or "the static part", static)
     both = zip(bodies, parts, strict=True)
     words = (
@@ -298,10 +294,8 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
 
 
 def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]:
-    """Return facets beside those of a cylinder that are as far from its axis, and cut off inside of it.
-
-    As by a keyway that was cut into facets: the corners there are on a chord, not on the cylinder.
-    """
+    """Return facets beside those of a cylinder that are as far from its axis, and cut off inside of it."""
+    # as by a keyway that was cut into facets: the corners there are on a chord, not on the cylinder
     surface, known, found = own.surface, {*own.faces}, list[Label]()
     if surface.line != (1.0, 0.0):
         return []
@@ -324,11 +318,9 @@ def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]
 
 
 def _evenly_bent(points: Array, facets: list[Label], pairs: Ints, ends: Ints, axis: Array) -> list[Ints]:
-    """Return the groups of facets along an axis that are side by side and bent alike.
-
-    Of those that meet, (m, 2), in rows of points. A plane that goes on where a round face ends, tangent to it, turns
-    against the last facet by half as much as that against the next.
-    """
+    """Return the groups of facets along an axis that are side by side and bent alike."""
+    # of those that meet, (m, 2), in rows of points. A plane that goes on where a round face ends, tangent to it, turns
+    # against the last facet by half as much as that against the next
     flat = np.linalg.svd(axis[None])[2][1:].T
     middles, arms = np.repeat(points[ends[:, 0]] @ flat, 2, axis=0), np.empty((2 * len(pairs), 2))
     for places, corners in by_size([facets[k] for k in pairs.reshape(-1).tolist()]):

@@ -73,10 +73,8 @@ def partition(
 
 
 def partition_by_features(space: Arrangement, cell: Cell, facets: Sequence[Facet], rule: Rule) -> list[Cell]:
-    """Return what `partition` does, of cells that are first divided along planes that cut no facet.
-
-    So the walls of one hole, pocket or boss are cut along by no plane of another's, and each can move by itself.
-    """
+    """Return what `partition` does, of cells that are first divided along planes that cut no facet."""
+    # so the walls of one hole, pocket or boss are cut along by no plane of another's, and each can move by itself
     found: list[Cell] = []
     stack: list[tuple[Cell, Sequence[Facet]]] = [(cell, facets)]
     while stack:
@@ -91,10 +89,8 @@ def partition_by_features(space: Arrangement, cell: Cell, facets: Sequence[Facet
 
 
 def _dividing_plane(space: Arrangement, cell: Cell, facets: Sequence[Facet]) -> int | None:
-    """Return a plane parallel to a wall of a cell that cuts no facet and has facets on both sides; None without one.
-
-    The one in the middle of the widest room between facets, else one that facets only touch.
-    """
+    """Return a plane parallel to a wall of a cell that cuts no facet and has facets on both sides; None without one."""
+    # the one in the middle of the widest room between facets, else one that facets only touch
     if len(facets) < 2:
         return None
     loops = np.concatenate([facet.loop for facet in facets])
@@ -203,10 +199,8 @@ def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
 
 
 def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -> bool:
-    """Tell whether the side of a plane without facets is inside, by the facets on the plane.
-
-    Without any the plane goes through reflex edges, beyond which it is.
-    """
+    """Tell whether the side of a plane without facets is inside, by the facets on the plane."""
+    # without any the plane goes through reflex edges, beyond which it is
     normal = space.normals[plane]
     facing = {facet.side if space.normals[facet.plane] @ normal > 0 else -facet.side for facet in on}
     if len(facing) > 1:
@@ -215,10 +209,8 @@ def _is_inside(space: Arrangement, on: Iterable[Facet], plane: int, side: int) -
 
 
 def merged(space: Arrangement, cells: Sequence[Cell]) -> list[Cell]:
-    """Join cells, two at a time, as long as two of them make a convex one.
-
-    Two cells make a convex one when the plane between them is all that keeps either from holding the other.
-    """
+    """Join cells, two at a time, as long as two of them make a convex one."""
+    # two cells make a convex one when the plane between them is all that keeps either from holding the other
     own = dict(enumerate(cells))
     walls = _walls(space, own, own)
     while True:

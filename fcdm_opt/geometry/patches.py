@@ -202,10 +202,8 @@ class TrueFaces:
         return {(k, hole): middles[(both == (k, hole)).all(axis=1)] for k, hole in pairs}
 
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
-        """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,).
-
-        Nothing is there. `near`: how far beyond the rim corners may be.
-        """
+        """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
+        # nothing is there. `near`: how far beyond the rim corners may be
         patches, middles = [self.patches[k] for k in (plane, hole)], self.rims[plane, hole]
         free = (patches[1].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
         outward = units(onto(middles, [own.surface for own in patches]) - middles)
@@ -463,11 +461,9 @@ def _lowest_of_each(starts: list[Array], patches: list[list[Patch]], extents: li
 
 
 def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *, both: bool) -> Ints:
-    """Return which features, by their pieces (n, k, 3), may be within a band of which patches, (m, 2).
-
-    Those with a round face alone: of two round patches once, and none of a plane, which has its nearest points at its
-    edges.
-    """
+    """Return which features, by their pieces (n, k, 3), may be within a band of which patches, (m, 2)."""
+    # those with a round face alone: of two round patches once, and none of a plane, which has its nearest points at its
+    # edges
     faces, others = own.faces, other.faces
     low, high = other.corners.min(axis=1) - band, other.corners.max(axis=1) + band
     near = overlapping_between(points.min(axis=1), points.max(axis=1), low, high)

@@ -215,10 +215,8 @@ def _cross2(u: Array, v: Array) -> Array:
 
 
 def _ears(flat: Array, slack: float) -> Ints | None:
-    """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself.
-
-    An ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side.
-    """
+    """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself."""
+    # an ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side
     left = np.arange(len(flat))
     ears = []
     while len(left) > 3:
@@ -296,10 +294,8 @@ class Sides:
         return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
 
     def wedges(self, points: Array, normals: Array, edge: int, *, inwards: bool) -> list[tuple[int, int]]:
-        """Return the pairs of polygons between which the material at an edge lies, by their normals out of or into it.
-
-        Where they are not as many one way round as the other, each two after another.
-        """
+        """Return the pairs of polygons between which material at an edge lies, by their normals out of or into it."""
+        # where they are not as many one way round as the other, each two after another
         own = np.flatnonzero(self.edge == edge)
         ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
         along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]
@@ -317,11 +313,9 @@ class Sides:
         return pairs
 
     def sections(self, points: Array, pairs: Ints) -> tuple[Array, Array, Array]:
-        """Return the section across edges of two triangles each: along them, and to the corners opposite, (m, 3) each.
-
-        Rounding is of the order of the lengths there, however slim the triangles are. The first one of a pair is to
-        the left of the edge.
-        """
+        """Return the section across edges of two triangles each: along them, and to corners opposite, (m, 3) each."""
+        # rounding is of the order of the lengths there, however slim the triangles are. The first one of a pair is to
+        # the left of the edge
         one, two = pairs.T
         opposite = self.origin.reshape(-1, 3)[:, [2, 0, 1]].ravel()
         base = points[self.origin[one]]

@@ -319,11 +319,9 @@ def _combined(
 
 
 def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> tuple[Array, list[Swept]]:
-    """Return corners of triangles moved onto the surfaces that these stand for, and all of these.
-
-    A triangle stands for what a face of a source in its plane does. Where facets cut each other, corners come to lie on
-    these alone, beside the curve in which the true faces meet.
-    """
+    """Return corners of triangles moved onto the surfaces that these stand for, and all of these."""
+    # a triangle stands for what a face of a source in its plane does. Where facets cut each other, corners come to lie
+    # on these alone, beside the curve in which the true faces meet
     with np.errstate(invalid="ignore"):  # triangles without area stand for nothing
         normals = unit_normals(points[triangles])
     levels = (normals * points[triangles[:, 0]]).sum(axis=1)

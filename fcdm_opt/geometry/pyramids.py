@@ -38,10 +38,7 @@ class Pyramids(NamedTuple):
 
 
 def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
-    """Return the pyramids under a closed surface, (t, 3) triangles, outward.
-
-    Raises `InputError` where none fits under a face, as the solid there is thinner than rounding.
-    """
+    """Return the pyramids under a closed outward surface, (t, 3); `InputError` where it is thinner than rounding."""
     local, sides = _local(vertices, triangles)[0], Sides.around(triangles.ravel(), 3)
     groups, corners, sizes, _ = convex_faces(local, triangles, sides)
     starts = np.concatenate([[0], np.cumsum(sizes)])

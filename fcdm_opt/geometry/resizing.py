@@ -61,10 +61,8 @@ class MovingPart:
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
-        """How deep each corner lies inside each facet as drawn, (t, f), and how that changes by size, (t, f, k).
-
-        Infinite for the facets that the corner's vertex is on.
-        """
+        """How deep each corner lies inside each facet as drawn, (t, f), and how that changes by size, (t, f, k)."""
+        # infinite for the facets that the corner's vertex is on
         part = self.part
         depth = part.levels - self.points @ part.normals.T
         on = np.zeros((len(part.vertices), len(part.loops)), bool)
@@ -106,10 +104,8 @@ class Resizing:
 
     @classmethod
     def of(cls, body: Body, sizes: Sequence[Size], *, drawn: Body | None = None) -> Resizing:
-        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part.
-
-        Faces are chosen on the body as drawn, which the body was before it was scaled.
-        """
+        """Return it; raises `InputError` where faces in one plane, or a cut between parts, would have to part."""
+        # faces are chosen on the body as drawn, which the body was before it was scaled
         if body.is_surface:
             what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
@@ -131,11 +127,9 @@ class Resizing:
         return cls(body, tuple(sizes), face_offsets, parts, shares + [size.scale == "xyz" for size in sizes])
 
     def reaches(self, low: Array, high: Array) -> list[tuple[float, str]]:
-        """Return for each part by what factor a box of sizes about 0 may be widened until a facet vanishes, and which.
-
-        The part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
-        `high` (k,): its ends; the factor is at least that for it and 0 together.
-        """
+        """Return for each part the factor by which a box of sizes about 0 may widen before facets vanish, and which."""
+        # the part keeps its facets, and which of them meet, for sizes of less than the factor times the box. `low`,
+        # `high` (k,): its ends; the factor is at least that for it and 0 together
         low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
         found = []
         for own in self.parts:
@@ -195,10 +189,9 @@ class Resizing:
 
 @lru_cache(maxsize=16)
 def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
-    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features.
-
-    All over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says why.
-    """
+    """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features."""
+    # all over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says
+    # why
     lengths = [size for size in sizes if size.is_length]
     if not lengths or body.is_surface or not body.triangles or len(body.parts) == 1:
         return body
@@ -271,11 +264,9 @@ def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
 def _facets_within(
     body: Body, exact: ExactPoints, sizes: Sequence[Size], offsets: Array, turns: Array
 ) -> list[tuple[Ints, Array]]:
-    """Return the same as `_facets` of a body that is exact at points of its round faces.
-
-    Corners on a shaft stay on it, so that its facets, which are chords, move by less than it grows; those of a bore,
-    which are its tangents, as it does. A piece at a point goes with the true faces there, without turning.
-    """
+    """Return the same as `_facets` of a body that is exact at points of its round faces."""
+    # corners on a shaft stay on it, so that its facets, which are chords, move by less than it grows; those of a bore,
+    # which are its tangents, as it does. A piece at a point goes with the true faces there, without turning
     facets, moved = exact.facets, offsets.copy()
     true = MovesOfFaces.of(facets, sizes, offsets, turns)
     corners, owners = facets.face_triangles
@@ -315,10 +306,8 @@ def each_resized(bodies: Mapping[str, Body], values: Mapping[Size, float]) -> di
 
 
 def _surface_resized(body: Body, offsets: Array) -> Body:
-    """Return a body kept as its surface with its faces moved outward, (faces,): corners stay where the same faces meet.
-
-    Faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn.
-    """
+    """Return a body kept as its surface with faces moved outward, (faces,): corners stay where the same faces meet."""
+    # faces that meet in a corner must agree on where it goes, and no face may vanish or meet others than as drawn
     triangles = np.concatenate([np.array(own) for own in body.triangles])
     places = (body.vertices + _surface_moves(body, offsets))[: triangles.max() + 1]  # the parts' apexes come after
     surface = surface_with_corners(body, places)
@@ -365,10 +354,8 @@ def _same_pyramids(body: Body, places: Array, triangles: Ints) -> Body | None:
 
 
 def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Array]]:
-    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then.
-
-    Of round faces those between their corners on the true ones; cuts of such bodies, made anew, are as drawn.
-    """
+    """Return the normals of each part's facets at given sizes, and how far they are from the body's seed then."""
+    # of round faces those between their corners on the true ones; cuts of such bodies, made anew, are as drawn
     if body.is_surface:
         made_body = resized(body.full_body or body, made)
         parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
@@ -396,10 +383,8 @@ def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Arr
 
 
 def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | None:
-    """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by their labels.
-
-    None where the body made has other vertices than the one drawn, and where a scale turns faces that others move.
-    """
+    """Return how the vertices of a body made move a unit of one of its sizes, (n, 3), to first order, by labels."""
+    # None where the body made has other vertices than the one drawn, and where a scale turns faces that others move
     if not size.is_length:
         turns = any(own.is_length and x for own, x in made.items()) and Resizing.of(body, (size,)).inclined()
         return None if turns else (body.vertices - body.seed) @ size.directions()
@@ -419,10 +404,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
-    """Return the same of a body that is exact at points: there it goes with the face, without turning.
-
-    nan for vertices of facets that were moved. None where the body made has other faces than the one drawn.
-    """
+    """Return the same of a body that is exact at points: there it goes with the face, without turning."""
+    # nan for vertices of facets that were moved. None where the body made has other faces than the one drawn
     assert body.exact is not None
     if body.exact.facets.faces != drawn.faces:
         return None
@@ -437,10 +420,8 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 
 def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
-    """Return how a point of a body's true faces moves, also of one exact at points, (3,).
-
-    nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn.
-    """
+    """Return how a point of a body's true faces moves, also of one exact at points, (3,)."""
+    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
     facets = body if body.exact is None else body.exact.facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
     near, offsets = faces.at(point), offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
@@ -501,7 +482,7 @@ def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[i
 def _corners_of_parts(
     moving: Resizing, values: Array
 ) -> tuple[list[Array], tuple[Array, list[list[int]]] | None, Surface | None, bool]:
-    """Return the corners of each part at given sizes, see `_kept_numbers`, and of a solid its surface if that is known.
+    """Return the corners of each part at given sizes, see `_kept_numbers`, and of a solid its surface if known.
 
     And whether all parts have the corners and facets that they have as drawn. No numbers where a corner splits, or a
     convex body has other edges.
@@ -519,10 +500,8 @@ def _corners_of_parts(
 
 
 def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | None:
-    """Return a solid with its corners elsewhere, its faces in parallel to those drawn, and the same parts.
-
-    Cuts go with the faces. None where faces turn, or parts would have other facets than as drawn.
-    """
+    """Return a solid with its corners elsewhere, its faces in parallel to those drawn, and the same parts."""
+    # cuts go with the faces. None where faces turn, or parts would have other facets than as drawn
     if len(body.parts) == 1 or body.exact is not None:
         return None
     normals, near = body.face_planes[0], DEFAULT.nominal * body.size
@@ -541,10 +520,8 @@ def _with_corners(sizes: Sequence[Size], body: Body, places: Array) -> Body | No
 
 
 def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface) -> Body | None:
-    """Return a solid with vertices elsewhere, what its parts' elements belong to as drawn; None where faces are others.
-
-    So where elements lie is looked for once a body, and not at each of its sizes.
-    """
+    """Return a solid with vertices elsewhere, elements of its parts as drawn; None where faces are others."""
+    # so where elements lie is looked for once a body, and not at each of its sizes
     if tuple(tuple(sorted(row + 1 for row in face)) for face in surface.faces) != body.faces:
         return None
     row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
@@ -633,10 +610,8 @@ def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> I
 
 
 def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> Array:
-    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left.
-
-    Of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges.
-    """
+    """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left."""
+    # of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges
     part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     corners = corners_within(part.normals, levels, DEFAULT.planarity * moving.body.size)
@@ -652,11 +627,9 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
 def _kept_numbers(
     moving: Resizing, values: Array, changed: Mapping[int, Array]
 ) -> tuple[Array, list[list[int]]] | None:
-    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits.
-
-    All keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners of
-    parts that changed are given.
-    """
+    """Return the vertices of the body at given sizes, and the rows of each part's; None where a corner splits."""
+    # all keep their labels; points of cuts where parts as made no longer meet, or meet others, are added: the corners
+    # of parts that changed are given
     body, corners = moving.body, {label - 1 for label in moving.body.corners}
     drawn = dict[tuple[float, ...], list[int]]()
     for row, point in enumerate(map(tuple, body.vertices.tolist())):
@@ -812,10 +785,8 @@ def _cuts(body: Body) -> list[_Cut]:
 
 
 def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tuple[Ints, Array]]:
-    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k).
-
-    A cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all.
-    """
+    """Return of each part the face that each facet moves with, -1 for a cut, and how far outward by size, (f, k)."""
+    # a cut moves with the solid's corners and edges on it, else with the faces in its plane, else not at all
     normals, points = body.face_planes
     found = []
     for part, owners in zip(body.parts, body.facet_faces, strict=True):

@@ -68,11 +68,9 @@ def union_of_shells(points: Array, triangles: Ints, shells: Ints) -> JoinedShell
 
 
 def simplified(points: Array, triangles: Ints, off: float, most: float) -> JoinedShells | None:
-    """Return a closed surface without what is finer than `off`, by manifold3d; None where it moves by more than `most`.
-
-    Coordinates rounded to a file's digits leave slivers that are folded over their neighbours or pierce them: these
-    fall away with their shortest edges.
-    """
+    """Return a closed surface without what is finer than `off`, by manifold3d; None if it moves by more than `most`."""
+    # coordinates rounded to a file's digits leave slivers that are folded over their neighbours or pierce them: these
+    # fall away with their shortest edges
     from manifold3d import Error, Manifold, Mesh64
 
     given = Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(triangles, np.uint64)))

@@ -331,11 +331,9 @@ class Size(Plain):
 
 
 def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) -> Ints:
-    """Return those of the faces that look the other way that faces are opposite to, through room or through material.
-
-    Those nearest along the normal on the side from which the faces move away, of those they overlap in projection; all
-    where there are none.
-    """
+    """Return which of the faces that look the other way faces are opposite to, through room or through material."""
+    # those nearest along the normal on the side from which the faces move away, of those they overlap in projection;
+    # all where there are none
     sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
     (mine, theirs) = (
         [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows.tolist()] for rows in (own, across)

@@ -119,10 +119,8 @@ def _above(points: Array, low: Array, high: Array) -> Iterator[tuple[Ints, Ints]
 
 
 def _turns(points: Array, corners: Array, k: int) -> Ints:
-    """Return on which side of a triangle's side k, seen from above, points are: 1 on its left, -1 on its right.
-
-    0 where the side is seen as a point.
-    """
+    """Return on which side of a triangle's side k, seen from above, points are: 1 on its left, -1 on its right."""
+    # 0 where the side is seen as a point
     a, b = corners[:, k], corners[:, (k + 1) % 3]
     u, v = a - points, b - points
     left, right = u[:, 0] * v[:, 1], u[:, 1] * v[:, 0]
@@ -160,10 +158,8 @@ def _sign(x: Fraction) -> int:
 
 
 def kept_as_surface(*bodies: Body) -> bool:
-    """Tell whether the parts of some bodies leave out what is inside their solids, or some of the parts are left out.
-
-    Then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`.
-    """
+    """Tell whether parts of some bodies leave out what is inside their solids, or some of the parts are left out."""
+    # then parts that keep apart do not tell that the solids do, see `PlacedSolids.gap`
     return any(body.is_surface or body.full_body is not None for body in bodies)
 
 
@@ -175,11 +171,9 @@ def contains(body: Body, points: Array) -> Flags:
 
 
 def convex_inside(body: Body, point: Array) -> Body:
-    """Return a convex body with the same seed inside a body's solid, about a point inside it in the drawing's frame.
-
-    Of all that is nearer to the point than planes across the shortest ways from there to the surface, which it does not
-    reach: what touches the solid from outside does not touch this.
-    """
+    """Return a convex body with the same seed inside a body's solid, about a point inside it in the drawing's frame."""
+    # of all that is nearer to the point than planes across the shortest ways from there to the surface, which it does
+    # not reach: what touches the solid from outside does not touch this
     from scipy.spatial import HalfspaceIntersection
 
     own = solid_surface(body)
@@ -228,10 +222,8 @@ class PlacedSolids:
 
     @cached_property
     def nested(self) -> int:
-        """How many closed surfaces of either solid lie inside the other: corners of theirs do, and none lies outside.
-
-        Of solids whose surfaces do not cross it tells whether they overlap.
-        """
+        """How many closed surfaces of either solid lie inside the other: corners of theirs do, none lies outside."""
+        # of solids whose surfaces do not cross it tells whether they overlap
         return sum(self._holds(1 - one, one, rows) for one in range(2) for rows in self._own[one].shells)
 
     def _holds(self, which: int, other: int, rows: Ints) -> bool:
@@ -249,10 +241,8 @@ class PlacedSolids:
         return bool(where.inside.any()) and not ((where.winding <= 0) & ~where.on).any()
 
     def within(self, which: int) -> Array | None:
-        """Return a point of a closed surface of the other solid that lies inside solid 0 or 1, deep in it; or None.
-
-        The middle of its box, or that of its corners which is the furthest from the surface around.
-        """
+        """Return a point of a closed surface of the other solid that lies inside solid 0 or 1, deep in it; or None."""
+        # the middle of its box, or that of its corners which is the furthest from the surface around
         other = 1 - which
         found = (self._points[other][rows] for rows in self._own[other].shells if self._holds(which, other, rows))
         points = next(found, None)
@@ -288,12 +278,10 @@ class PlacedSolids:
 
     @cached_property
     def depth(self) -> float:
-        """How deep the solids overlap, 0 where they do not: no shorter shift takes them apart.
-
-        The largest sum of a point's depths in both, each its distance from the surface: that of two balls, one in
-        either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where edges
-        cross, or where only a way round leads out. It is asked of the same places again and again.
-        """
+        """How deep the solids overlap, 0 where they do not: no shorter shift takes them apart."""
+        # the largest sum of a point's depths in both, each its distance from the surface: that of two balls, one in
+        # either, that overlap most. It is the least shift itself where plane faces or balls meet, and is less where
+        # edges cross, or where only a way round leads out. It is asked of the same places again and again
         placed = hashlib.sha256(len(self._corners[0]).to_bytes(8) + b"".join(own.tobytes() for own in self._corners))
         key = placed.digest()
         if key not in _DEPTHS:
@@ -337,10 +325,8 @@ class PlacedSolids:
         return [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
 
     def _deepest_pieces(self) -> list[tuple[Array, Ints]]:
-        """Return the pieces of what the solids have in common that are deepest in their middle, or the thickest.
-
-        Round faces that hardly differ have hundreds in common.
-        """
+        """Return the pieces of what the solids have in common that are deepest in their middle, or the thickest."""
+        # round faces that hardly differ have hundreds in common
         pieces = self.common()
         if len(pieces) <= PIECES:
             return pieces
@@ -396,11 +382,9 @@ class PlacedSolids:
         return float(norms(point - _nearest(point, near)).min()), least
 
     def _deepest(self, point: Array, value: float) -> float:
-        """Return the largest sum of depths that steps from a point lead to.
-
-        A distance from a convex set is nowhere below its tangent planes, so a linear program in these gives a step that
-        is worth what it says, but for triangles further away than it knows of.
-        """
+        """Return the largest sum of depths that steps from a point lead to."""
+        # a distance from a convex set is nowhere below its tangent planes, so a linear program in these gives a step
+        # that is worth what it says, but for triangles further away than it knows of
         from scipy.optimize import linprog
 
         step = self.size / 4.0

@@ -173,10 +173,8 @@ class Surface:
 
 
 def rims(triangles: Iterable[Rows]) -> list[list[int]]:
-    """Return the loops in which the border of triangles of one face passes rows, holes clockwise.
-
-    Where loops touch in a row they are one that passes it more than once.
-    """
+    """Return the loops in which the border of triangles of one face passes rows, holes clockwise."""
+    # where loops touch in a row they are one that passes it more than once
     ways = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
     ahead = defaultdict[int, list[int]](list)
     for a, b in sorted(ways, reverse=True):

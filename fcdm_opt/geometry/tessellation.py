@@ -139,14 +139,12 @@ class Swept(NamedTuple):
         return out, short
 
     def left_by_each(self, corners: Array) -> Array:
-        """Return the same of each triangle, (m, 2).
-
-        Exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
-        corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
-        sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
-        of the distance along a side is four times what it reaches there, and between the points, by CUTS^2 less, a
-        third of it may hide.
-        """
+        """Return the same of each triangle, (m, 2)."""
+        # exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
+        # corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
+        # sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
+        # of the distance along a side is four times what it reaches there, and between the points, by CUTS^2 less, a
+        # third of it may hide
         one, two, three = corners.transpose(1, 0, 2)
         points, hidden = corners, 0.0
         if self.line is not None:
@@ -176,12 +174,10 @@ class Swept(NamedTuple):
         return np.stack([np.where(turned, -low, high), np.where(turned, high, -low)], axis=1)
 
     def offsets(self, corners: Array) -> Array:
-        """Return by how much planes of such triangles are to be moved, inward and outward, to clear the face, (m, 2).
-
-        A facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
-        the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
-        what is left where the rim is cut off at more than 27 degrees.
-        """
+        """Return by how much planes of such triangles are to be moved, inward and outward, to clear a face, (m, 2)."""
+        # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
+        # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
+        # what is left where the rim is cut off at more than 27 degrees
         left = self.left_by_each(corners)
         if self.line is None:
             return left

@@ -76,10 +76,9 @@ class FacePieces(NamedTuple):
         return self._replace(errors=errors + TRIM * trimmed)
 
     def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
-        """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of.
-
-        A triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within goes.
-        """
+        """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of."""
+        # a triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within
+        # goes
         there = np.ones(len(self.corners), bool)
         for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
             rows = np.flatnonzero(self.patches == plane)
@@ -195,10 +194,7 @@ class PoseDerivatives(NamedTuple):
 
 
 class FacesApart:
-    """Two bodies at scale 1 that are apart, in pieces that are cut further with each question.
-
-    `most`: pairs of pieces that are looked at, over all questions.
-    """
+    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all."""
 
     remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
@@ -282,10 +278,8 @@ class FacesApart:
         return max(low, 0.0)
 
     def _stay_within(self, pairs: Ints, rates: PoseDerivatives, amount: float) -> tuple[Flags, Flags]:
-        """Tell which piece of each pair stays in the bore, cone or ball of the other's face, (2, m), in such motions.
-
-        And of which a smaller piece may, as its corners are in it now.
-        """
+        """Tell which piece of each pair stays in a bore, cone or ball of the other's face, (2, m), in such motions."""
+        # and of which a smaller piece may, as its corners are in it now
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
@@ -299,11 +293,9 @@ class FacesApart:
         return found, may
 
     def _nearest_to(self, k: int, number: int) -> Array:
-        """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,).
-
-        In what its radius bounds there, see `Swept.line`: the radius for pieces of its own; of plane ones, of a cone
-        those at a right angle to the axis, what their sides are; minus infinity of others.
-        """
+        """Return how far out pieces are at least in the space within a bore, cone or socket of that body, (n,)."""
+        # in what its radius bounds there, see `Swept.line`: the radius for pieces of its own; of plane ones, of a cone
+        # those at a right angle to the axis, what their sides are; minus infinity of others
         own, surface = self._pieces[k], self._faces[k].patches[number].surface
         found = np.where(own.patches == number, surface.radius, -np.inf)
         (steep, slope), planes = surface.line or (1.0, 0.0), [patch.surface for patch in self._faces[k].patches]
@@ -327,11 +319,9 @@ class FacesApart:
         return found
 
     def _farthest(self, k: int, surface: Swept) -> Array:
-        """Return how far out pieces are at most in the space within a bore, cone or socket, (2, n).
-
-        From its axis or centre, and in what its radius bounds there: as their face, and the faces whose edges they go
-        up to, are of a radius about an axis or a point; of one axis with it, as corners are; else infinite.
-        """
+        """Return how far out pieces are at most in the space within a bore, cone or socket, (2, n)."""
+        # from its axis or centre, and in what its radius bounds there: as their face, and the faces whose edges they go
+        # up to, are of a radius about an axis or a point; of one axis with it, as corners are; else infinite
         own, bore = self._pieces[k], surface.line is not None
         (steep, slope), of_face, alike = surface.line or (1.0, 0.0), list[float](), list[bool]()
         z, out = (own.corners - surface.origin) @ surface.axis, norms(_across(own.corners, surface))
@@ -360,10 +350,8 @@ class FacesApart:
         return np.stack([np.where(plane, rim, radii[own.patches]), levels])
 
     def _cut(self, pairs: Ints, small: float, rather: Flags) -> None:
-        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little.
-
-        Or the one that is `rather` to be cut, (2, m).
-        """
+        """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
+        # or the one that is `rather` to be cut, (2, m)
         i, j = pairs.T
         errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
         wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
@@ -379,10 +367,8 @@ class FacesApart:
 
 @lru_cache(maxsize=64)
 def _encircling(faces: TrueFaces, number: int) -> list[int]:
-    """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle.
-
-    Triangles of these may reach across what a chord leaves of the circle, where nothing is.
-    """
+    """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle."""
+    # triangles of these may reach across what a chord leaves of the circle, where nothing is
     surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
     for other in np.unique(both[(both == number).any(axis=1)]).tolist():
         if other == number or not faces.patches[other].surface.flat:
@@ -422,10 +408,8 @@ def _out(corners: Array, surface: Swept) -> Array:
 
 
 def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints, Array]:
-    """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3).
-
-    The hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces.
-    """
+    """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3)."""
+    # the hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces
     ends = np.roll(corners, -1, axis=1)
     there, far = np.roll(out, -1, axis=1), np.maximum(out, np.roll(out, -1, axis=1))
     may = np.isfinite(out) & (far > near) & (out + there - norms(ends - corners) < -2.0 * near)
@@ -455,13 +439,11 @@ def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints
 def _farthest_after(
     corners: Array, errors: Array, farthest: Array, surface: Swept, rates: PoseDerivatives, amount: float
 ) -> Array:
-    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,).
-
-    Where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
-    corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
-    `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
-    farther than |D| l, nor than the normal's parts across the axis and along it.
-    """
+    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,)."""
+    # where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
+    # corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
+    # `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
+    # farther than |D| l, nor than the normal's parts across the axis and along it
     moves = rates.at(corners.reshape(-1, 3)).reshape(*corners.shape[:2], -1, 3) if rates.spin else rates.first[:, :, 3]
     off, across = corners - surface.origin, np.eye(3)
     steep, slope = surface.line or (1.0, 0.0)
@@ -522,11 +504,9 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
 def _separations(
     one: Array, two: Array, errors: Array, rates: PoseDerivatives | None = None, goal: float = 0.0
 ) -> Array:
-    """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these.
-
-    The largest separation along some directions; with `rates`, of such pieces the amount below which they do not meet,
-    known up to `goal`, see `FacesApart.least_amount`.
-    """
+    """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these."""
+    # the largest separation along some directions; with `rates`, of such pieces the amount below which they do not
+    # meet, known up to `goal`, see `FacesApart.least_amount`
     sides = [own - np.roll(own, -1, axis=1) for own in (one, two)]
     normals, between = [unit_normals(own) for own in (one, two)], two.mean(axis=1) - one.mean(axis=1)
     directions = [normals[0][:, None], normals[1][:, None], between[:, None]]

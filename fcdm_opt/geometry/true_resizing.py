@@ -34,11 +34,9 @@ Cut = Callable[[Body, Array], Body | None]
 
 
 def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
-    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces.
-
-    It has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
-    is round, what its faces are is not known, or it would change its shape.
-    """
+    """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces."""
+    # it has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
+    # is round, what its faces are is not known, or it would change its shape
     moved = _moved_faces(body, offsets)
     if moved is None or not (body.triangles or len(body.parts) == 1):
         return None
@@ -65,10 +63,8 @@ def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
 
 
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
-    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round.
-
-    Points of cuts go with the nearest corner.
-    """
+    """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round."""
+    # points of cuts go with the nearest corner
     moved = _moved_faces(body, offsets)
     places = None if moved is None else _corners_on(moved[1], body, offsets)
     if moved is None or places is None:
@@ -136,11 +132,9 @@ def _each_surface(body: Body, rounds: RoundFaces, offsets: Array) -> list[Swept]
 
 
 def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | None:
-    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3).
-
-    As far off them as drawn, by the digits of a file: facets stay in one plane with those of another part. None where
-    faces that meet as drawn no longer do, as a plane and a fillet of another radius.
-    """
+    """Return a body's corners where the true faces that meet in each are once faces have moved outward, (n, 3)."""
+    # as far off them as drawn, by the digits of a file: facets stay in one plane with those of another part. None where
+    # faces that meet as drawn no longer do, as a plane and a fillet of another radius
     drawn = _each_surface(body, round_surfaces(body), np.zeros(len(body.faces)))
     places, around = body.vertices.copy(), faces_around(body)
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
@@ -225,11 +219,9 @@ def _in_order(made: Body, body: Body) -> tuple[ConvexPart, ...]:
 
 
 def _faces_on(surfaces: Sequence[Swept], made: Body) -> list[list[int]] | None:
-    """Return which faces of a body are of each surface: their corners are on it. None where one is of none.
-
-    Of several surfaces, as of a cone at a plane's rim, that which looks most as the face does; of a bore and a flat in
-    it, whose corners are on both, the plane.
-    """
+    """Return which faces of a body are of each surface: their corners are on it. None where one is of none."""
+    # of several surfaces, as of a cone at a plane's rim, that which looks most as the face does; of a bore and a flat
+    # in it, whose corners are on both, the plane
     looks, found = made.face_planes[0], [list[int]() for _ in surfaces]
     on = np.array([np.abs(own.misses(made.vertices)[0]) <= DEFAULT.snap * made.size for own in surfaces])
     for face, labels in enumerate(made.faces):

@@ -63,10 +63,7 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
 
 
 class _Walls:
-    """Faces of all parts, one after another.
-
-    `points` (n, 3). `hulls`: the parts.
-    """
+    """Faces of all parts, the `hulls`, one after another, over `points` (n, 3)."""
 
     def __init__(self, points: Array, hulls: list[Hull]) -> None:
         self.points, self.size = points, float(np.abs(points - points.mean(axis=0)).max())
@@ -81,10 +78,8 @@ class _Walls:
         self._lows, self._highs = (np.array([f(points[hull.used], axis=0) for hull in hulls]) for f in (np.min, np.max))
 
     def exposed(self, k: int) -> list[Array]:
-        """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one.
-
-        A part with a face in its plane, turned the same way, covers nothing of it.
-        """
+        """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one."""
+        # a part with a face in its plane, turned the same way, covers nothing of it
         outline, slack = self.points[list(self.loops[k])], self.slack
         low, high = outline.min(axis=0) - slack, outline.max(axis=0) + slack
         near, pieces = ((self._lows <= high) & (self._highs >= low)).all(axis=1), [outline]
@@ -151,10 +146,8 @@ class _Walls:
         return bool(abs(np.arctan2(cross(spokes, ahead) @ self.normals[k], (spokes * ahead).sum(axis=1)).sum()) > np.pi)
 
     def outlined(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> Ints | None:
-        """Return triangles of a face given by its corners in order; None where that order goes round no face.
-
-        They are turned as the parts' faces at its middle are; as given where these are turned to each other.
-        """
+        """Return triangles of a face given by its corners in order; None where that order goes round no face."""
+        # they are turned as the parts' faces at its middle are; as given where these are turned to each other
         if not self._is_round(face, sides, skin, facing):
             return None
         try:
@@ -174,11 +167,9 @@ class _Walls:
         return triangles[:, ::-1] if ways == {False} else triangles
 
     def _is_round(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> bool:
-        """Tell whether the order of a face's corners goes round it; with a hole it may go across.
-
-        Each side is then one of another given face too, or a wall of another plane is there: `skin`, triangles with the
-        normals `facing`.
-        """
+        """Tell whether the order of a face's corners goes round it; with a hole it may go across."""
+        # each side is then one of another given face too, or a wall of another plane is there: `skin`, triangles with
+        # the normals `facing`
         inner = [(a, b) for a, b in zip(face, [*face[1:], face[0]], strict=True) if (b, a) not in sides]
         if not inner:
             return True
@@ -234,11 +225,9 @@ class _Walls:
 def _true_edges(
     points: Array, hulls: list[Hull], known: Ints, triangles: Array, normals: Array, owners: Ints, slack: float
 ) -> tuple[Ints, Ints]:
-    """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts.
-
-    The union's are the parts' edges on two of its faces that are not in one plane, joined; hidden is what is on none
-    wherever one looks.
-    """
+    """Return the union's edges, by their ends, and the parts' edges that are hidden in other parts."""
+    # the union's are the parts' edges on two of its faces that are not in one plane, joined; hidden is what is on none
+    # wherever one looks
     first, back = distinct_rows(points)
     same = first[back]  # the first of equal points
     ends = np.unique(np.vstack([np.sort(same[hull.used[hull.edges[:, :2]]], axis=1) for hull in hulls]), axis=0)

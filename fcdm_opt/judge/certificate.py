@@ -98,10 +98,8 @@ verify_assembly = verify
 
 
 def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tuple[Judged, Certificate]:
-    """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict.
-
-    Where the time given is over before, that is the one check, which fails.
-    """
+    """Return a solution, with status OUTSIDE_FIT where its motion leaves the fit, and the verdict."""
+    # where the time given is over before, that is the one check, which fails
     pacing.at("judging the motion found")
     try:
         with pacing.judging():
@@ -154,10 +152,8 @@ def _same(told: Check, found: Check, slack: float) -> bool:
 
 
 def proof_checks(solution: Solution) -> tuple[Check, ...]:
-    """Check that what is claimed to be proved is: by the evidence, or without any by the distance at rest.
-
-    Where that shows less, by evidence that is found anew, if some could be.
-    """
+    """Check that what is claimed to be proved is: by the evidence, or without any by the distance at rest."""
+    # where that shows less, by evidence that is found anew, if some could be
     claimed, evidence = solution.lower_bound, solution.evidence
     asked, moved = solution.problem.restoring, np.array([*solution.parameters.values()])
     if evidence is None and asked is not None and restored_at_least([asked], claimed, moved):
@@ -186,12 +182,10 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
 
 
 def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | None = None) -> bool:
-    """Tell whether what some problems with the same parameters ask is shown to need an amount.
-
-    By the equations of contacts, with what keeps parts apart where nothing turns, or as a motion that restores them,
-    which is no smaller, is the only one that near. Of another
-    amount than the weighted one as the only one that the limits allow, or in a box outside of which all cost more.
-    """
+    """Tell whether what some problems with the same parameters ask is shown to need an amount."""
+    # by the equations of contacts, with what keeps parts apart where nothing turns, or as a motion that restores them,
+    # which is no smaller, is the only one that near. Of another amount than the weighted one as the only one that the
+    # limits allow, or in a box outside of which all cost more
     from fcdm_opt.judge.only_motion import none_shorter, none_smaller, only_motion
     from fcdm_opt.proof.checker import least_outside
 
@@ -223,11 +217,9 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
 
 
 def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
-    """Return what shifts come to at least that restore contacts of true faces as this one does.
-
-    The gap of a plane face is linear in shifts: all that close those of the faces that touch as drawn differ from each
-    other along these faces alone.
-    """
+    """Return what shifts come to at least that restore contacts of true faces as this one does."""
+    # the gap of a plane face is linear in shifts: all that close those of the faces that touch as drawn differ from
+    # each other along these faces alone
     weights, rows = asked[0].weights, list[Array]()
     for own in asked:
         faces = [true_faces(body) for body in own.of_facets.bodies_made.values()]
@@ -244,10 +236,8 @@ def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
 
 
 def without_evidence(solution: Solution | AssemblySolution) -> str:
-    """Return why the bound of a solution that was to be certified carries no evidence, in words; "" where it does.
-
-    What several contacts are bounded by is its own evidence, where it is proved anew.
-    """
+    """Return why the bound of a solution that was to be certified carries no evidence, in words; "" where it does."""
+    # what several contacts are bounded by is its own evidence, where it is proved anew
     if solution.amount == 0.0:
         return ""
     if isinstance(solution, AssemblySolution):
@@ -284,10 +274,8 @@ def _without_cells(problem: Problem) -> str:
 
 
 def _by_distance(solution: Solution) -> float:
-    """Return an amount below which nothing closes, or opens, the gap of the parts made at rest: signed, by coal.
-
-    It changes by no more than the largest displacement. With rounding; 0 where nothing is known of the amount.
-    """
+    """Return an amount below which nothing closes, or opens, the gap of the parts made at rest: signed, by coal."""
+    # it changes by no more than the largest displacement. With rounding; 0 where nothing is known of the amount
     problem = solution.problem
     wanted = {"touch", "clear"} & {problem.goal, problem.pair}
     known = problem.amount == "displacement" or (problem.amount == "weighted" and problem.motion.shifts)
@@ -329,11 +317,9 @@ def _finite(claim: Any, shape: tuple[int, ...]) -> bool:
 
 
 def left_by_mesh(solution: Bounded, bodies: Sequence[Body], slack: float) -> list[Check]:
-    """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all.
-
-    Bodies whose faces are as drawn leave nothing open, and of those that only come near the solid it is not known. A
-    motion that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much.
-    """
+    """Check that the amounts that a mesh leaves open have the one found among them; nothing where that is all."""
+    # bodies whose faces are as drawn leave nothing open, and of those that only come near the solid it is not known. A
+    # motion that leaves the fit is no answer: what smaller bodies need may be more, or infinitely much
     low, amount, high = solution.amount_low, solution.amount, solution.amount_high
     if isnan(low) and isnan(high):
         return []
@@ -405,10 +391,8 @@ def _swept(keep_out: KeepOut) -> Body:
 
 
 def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float) -> list[float]:
-    """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree.
-
-    At several scale pairs, (k, 2), after one motion.
-    """
+    """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree."""
+    # at several scale pairs, (k, 2), after one motion
     poses = np.repeat(transform[None], len(pairs), axis=0)
     found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
     for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):
@@ -420,10 +404,8 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
 
 
 def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit: float) -> float:
-    """Return the signed distance of two solids: minus their depth where they overlap.
-
-    Whether surfaces do is told by the parts near each other, and by what winds round what.
-    """
+    """Return the signed distance of two solids: minus their depth where they overlap."""
+    # whether surfaces do is told by the parts near each other, and by what winds round what
     if not kept_as_surface(movable, static):
         return judged_gaps(scaled_pair(movable, static), rho[None], transform, limit)[0]
     one, two, outside = WholeSurfaces(movable, static, rho, transform).looked_at()
@@ -466,17 +448,13 @@ def _asked_gaps(scaled: ScaledPair, pairs: Array, poses: Array, settled: Flags |
 
 
 class _Side(NamedTuple):
-    """How a part pair opens and closes across a contact line.
+    """How a part pair opens and closes across a contact line."""
 
-    The change of the scales, the pair's gap before and after it, and what these must exceed; `snug`: no change of the
-    scales makes the parts overlap.
-    """
-
-    step: Array
-    before: float
+    step: Array  # the change of the scales
+    before: float  # the pair's gap before and after it
     after: float
-    least: float
-    snug: bool = False
+    least: float  # what these must exceed
+    snug: bool = False  # no change of the scales makes the parts overlap
 
 
 class _Judge:
@@ -579,11 +557,9 @@ class _Judge:
         return [Claim(feature, carried, self.scaled, self.rho, self.transform) for feature in self.problem.contacts]
 
     def _fits(self) -> list[Check]:
-        """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open.
-
-        Gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own. It
-        knows nothing of keep-outs: where one holds the motion off, it tells nothing.
-        """
+        """Check that none of the listed contacts overlaps and, of motions that only shift, that none are less open."""
+        # gaps along the contacts' own normals; the least of all largest ones by a linear program of the judge's own. It
+        # knows nothing of keep-outs: where one holds the motion off, it tells nothing
         from scipy.optimize import linprog
 
         problem = self.problem
@@ -650,11 +626,9 @@ class _Judge:
         return bool(self.problem.contacts)
 
     def sides(self) -> list[Check]:
-        """Check that each contact opens on one side of its line and overlaps on the other, by the parts that carry it.
-
-        Other parts may close where these open: that they do not overlap where they are is checked there. But a goal
-        that tracks no contact has all of them claimed: what touches besides must open with one of the claimed.
-        """
+        """Check that each contact opens on one side of its line and overlaps on the other, by parts that carry it."""
+        # other parts may close where these open: that they do not overlap where they are is checked there. But a goal
+        # that tracks no contact has all of them claimed: what touches besides must open with one of the claimed
         if not self.claims:
             return []
         sides = [side for claim in self.claims if (side := self._side(claim)) is not None]
@@ -678,10 +652,8 @@ class _Judge:
         return Check(name, passed, gap, limit, f"with the scales changed by {_pair(step)}")
 
     def _side(self, claim: Claim) -> _Side | None:
-        """Return how a claim's part pair opens and closes across its line; None where no scales change it.
-
-        A plane through both seeds is in contact at all scales.
-        """
+        """Return how a claim's part pair opens and closes across its line; None where no scales change it."""
+        # a plane through both seeds is in contact at all scales
         line = claim.lines(self.transform[None])[0]
         flat = self.tolerances.determinant * self.size
         if np.hypot(line[0], line[1]) <= flat:
@@ -718,11 +690,9 @@ class _Judge:
         return np.asarray(step * min(1.0, float((self.rho / (2.0 * np.abs(step))).min())))  # scales stay positive
 
     def _unclaimed(self, steps: list[Array]) -> list[tuple[float, Array]]:
-        """Return how far each part pair that touches and carries no claim opens at most, with the claimed ones.
-
-        Where a claimed one touches beyond doubt, so must these: on a thread dozens are near, each at another step of
-        the scales. None where a goal tracks some of the contacts that there are.
-        """
+        """Return how far each part pair that touches and carries no claim opens at most, with the claimed ones."""
+        # where a claimed one touches beyond doubt, so must these: on a thread dozens are near, each at another step of
+        # the scales. None where a goal tracks some of the contacts that there are
         if self.problem.goal in TRACKING or self.scaled.count == 1:
             return []
         here = self.rho[None], self.transform[None]
@@ -854,11 +824,9 @@ class _Judge:
         return checks
 
     def _sizes_asked(self) -> Check:
-        """Check that the problem's target is that of the question as it was put.
-
-        A nominal pair may be moved to a switching point that it is within rounding of, and where a goal tracks its
-        contact by `snap` of each scale.
-        """
+        """Check that the problem's target is that of the question as it was put."""
+        # a nominal pair may be moved to a switching point that it is within rounding of, and where a goal tracks its
+        # contact by `snap` of each scale
         problem, request = self.problem, self.problem.request
         asked, limit = request["target"], self.tolerances.requirement
         if asked is None:
@@ -915,11 +883,9 @@ class _Judge:
             return np.full((4, 4), np.nan)
 
     def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
-        """Return how far the bodies are apart or overlap at each point of the way, (k,).
-
-        By coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
-        touch are left out.
-        """
+        """Return how far the bodies are apart or overlap at each point of the way, (k,)."""
+        # by coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
+        # touch are left out
         counts = (len(body.parts) for body in self.bodies)
         settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
         for (i, j), errors in proofs:
@@ -953,10 +919,8 @@ class _Judge:
         return Check("status", agrees, self.pair_gap, self.limit, note)
 
     def _tracked(self, s: Array, poses: Array) -> Array:
-        """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line.
-
-        A single line leaves one degree of freedom: its point nearest to the straight way from nominal to target.
-        """
+        """Return the tracked scale pair at each pose, (k, 2): where two lines meet, or the point of one line."""
+        # a single line leaves one degree of freedom: its point nearest to the straight way from nominal to target
         leading = self.claims
         if len(leading) > (1 if self.problem.goal == "seat" else 2):
             own = {_named(feature) for feature in self.problem.nominal_features}

@@ -23,18 +23,15 @@ UNKNOWN = 0  # the sign of a direction that depends on the pose
 
 
 class _Host(NamedTuple):
-    """A part pair that carries a claim: as `judging` takes it, and the parts' numbers.
+    """A part pair that carries a claim: as `judging` takes it, and the parts' numbers."""
 
-    Vertices of both parts from the seeds, rows of both elements, rows of the direction in either, its sign.
-    """
-
-    one: Array
+    one: Array  # vertices of both parts from the seeds
     two: Array
-    first: Ints
+    first: Ints  # rows of both elements
     second: Ints
-    across: Ints
+    across: Ints  # rows of the direction in either
     along: Ints
-    sign: int
+    sign: int  # of the direction
     parts: tuple[int, int]
 
     def towards(self, direction: Direction) -> _Host:
@@ -147,28 +144,22 @@ class Claim:
         return judging.contact_rows(*self._carriers[0][:-1], self._seeds, poses)
 
     def errors(self, pairs: Array, poses: Array) -> Array:
-        """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths.
-
-        The largest of: distance of a common point from either of the two elements, and how far either part reaches
-        across the plane through it; least over the part pairs that have such elements, as a face may be spread over
-        several. Infinite where none has.
-        """
+        """Return how far the claim is from being a real contact at each scale pair and pose, (k,), lengths."""
+        # the largest of: distance of a common point from either of the two elements, and how far either part reaches
+        # across the plane through it; least over the part pairs that have such elements, as a face may be spread over
+        # several. Infinite where none has
         return least_errors(self.proofs(pairs, poses), len(poses))
 
     def proofs(self, pairs: Array, poses: Array) -> list[Proof]:
-        """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,).
-
-        Where an error is small that part pair touches, and no deeper than twice the error: the common point is as near
-        to both parts, and the plane through it keeps all vertices of the two parts apart.
-        """
+        """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,)."""
+        # where an error is small that part pair touches, and no deeper than twice the error: the common point is as
+        # near to both parts, and the plane through it keeps all vertices of the two parts apart
         return [(host.parts, self._errors(host, pairs, poses)) for host in self._carriers]
 
     def flush(self, pairs: Array, poses: Array) -> Array:
-        """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths.
-
-        How far their vertices are from one plane, or of two edges from one line; the length of what they share, and
-        its width, of the part pair in which that is widest.
-        """
+        """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths."""
+        # how far their vertices are from one plane, or of two edges from one line; the length of what they share, and
+        # its width, of the part pair in which that is widest
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
         for host in self._carriers:
             own = judging.contact_flushness(*host[:-1], self._seeds, pairs, poses)

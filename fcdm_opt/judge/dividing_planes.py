@@ -82,10 +82,8 @@ def stay_divided(sizes: Sizes, shares: Array, poses: Array, slack: float) -> boo
 
 
 def _divided(gaps: Array, facets: Ints, start: Array, slack: float) -> Flags:
-    """Tell of gaps of parts to planes, (s, k, f), which of another one's is between two parts in each step.
-
-    Or else is one to which the gap is `start`, (k, l), at first, grows in every step, and is none at last.
-    """
+    """Tell of gaps of parts to planes, (s, k, f), which of another one's is between two parts in each step."""
+    # or else is one to which the gap is `start`, (k, l), at first, grows in every step, and is none at last
     above = gaps >= -slack
     parting = (gaps[1:] >= gaps[:-1] - slack).all(axis=0) & above[-1]
     first = np.repeat(start, np.diff(facets, append=gaps.shape[2]), axis=1)

@@ -70,10 +70,8 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:
-    """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above.
-
-    Infinite where the parts are no fit, or touch it no deeper than sizes may change.
-    """
+    """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above."""
+    # infinite where the parts are no fit, or touch it no deeper than sizes may change
     problem = problem.of_facets
     if not holds(problem):
         return -np.inf, np.inf
@@ -132,10 +130,8 @@ def _corners(problem: Problem, share: float, pose: Array, keep_out: KeepOut | No
 
 
 def _sizes(problem: Problem, keep_out: KeepOut | None = None) -> Sizes:
-    """Return both bodies as drawn and as made, with their scales before and after.
-
-    A keep-out, at its largest scale, in place of the static body where one is given.
-    """
+    """Return both bodies as drawn and as made, with their scales before and after."""
+    # a keep-out, at its largest scale, in place of the static body where one is given
     made, ends = (problem.movable, problem.static), (problem.nominal_pair.tolist(), problem.target.tolist())
     asked = list(zip(drawn_bodies(problem), made, *ends, strict=True))
     if keep_out is not None:
@@ -158,10 +154,8 @@ def _facets(drawn: Body, made: Body) -> tuple[Array, Array]:
 
 
 def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: float, turns: bool) -> list[Array]:
-    """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends.
-
-    One of those that are nearly alike, and none that is no more than rounding.
-    """
+    """Return how body 1 is displaced against what of body 2 is near its way, (3,) each: its middle, turned its ends."""
+    # one of those that are nearly alike, and none that is no more than rounding
     (start, end), (others, moved) = one, two
     both = np.concatenate([start, end]).reshape(-1, 3)
     low, high = both.min(axis=0), both.max(axis=0)
@@ -201,10 +195,8 @@ def _walls(
 
 
 def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
-    """Tell whether points of body 1 reach into the hull of others as drawn, deeper than the sizes change, then no more.
-
-    `points` are those of both bodies as made, (n, 3) and (m, 3).
-    """
+    """Tell whether points of body 1 reach into the hull of others as drawn, deeper than sizes change, then no more."""
+    # `points` are those of both bodies as made, (n, 3) and (m, 3)
     seeds = problem.movable.seed, problem.static.seed
     drawn, (start, others) = (
         [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, points, strict=True)]
@@ -227,10 +219,8 @@ def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
 
 
 def _depth(points: Array, others: Array, ahead: Array) -> float:
-    """Return how far points must be shifted along a unit vector to leave the hull of others; 0 where it is not met.
-
-    The largest t >= 0 such that the hulls of points + t ahead and others meet: a linear program in their weights.
-    """
+    """Return how far points must be shifted along a unit vector to leave the hull of others; 0 where it is not met."""
+    # the largest t >= 0 such that the hulls of points + t ahead and others meet: a linear program in their weights
     from scipy.optimize import linprog
 
     n, m = len(points), len(others)

@@ -21,7 +21,7 @@ from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check, Solution
-from fcdm_opt.proof.checker import filled_box, searched_limits
+from fcdm_opt.proof.checker import Examiner, filled_box
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
 from fcdm_opt.tolerances import DEFAULT
 
@@ -39,10 +39,8 @@ def shows(solution: Solution, evidence: Multipliers) -> bool:
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check, ...]:
-    """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked.
-
-    The evidence is taken at its word in nothing.
-    """
+    """Check that no motion of a smaller weighted amount than the lower bound of a solution does what is asked."""
+    # the evidence is taken at its word in nothing
     problem, claimed = solution.problem, solution.lower_bound
     k, n = len(problem.weights), len(evidence.boxes)
     shapes = evidence.boxes.shape == (n, 2, k) and evidence.motions.shape == (n, k) and n > 0
@@ -50,7 +48,7 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
     if not (shapes and problem.amount == "weighted" and (problem.contacts or _whole(problem))):
         return (Check("proof well-formed", False, 1.0, 0.0, "not boxes of motions of solids, by weighted amount"),)
     ends, filled = filled_box(evidence.boxes)
-    asked = searched_limits(problem).T * problem.weights
+    asked = Examiner(problem, None).limits.T * problem.weights
     asked = np.array([np.maximum(asked[0], -claimed), np.minimum(asked[1], claimed)])
     short = float(np.maximum(ends[0] - asked[0], asked[1] - ends[1]).max())
     covered = short <= 0.0 and filled
@@ -66,15 +64,13 @@ def check_multipliers(solution: Solution, evidence: Multipliers) -> tuple[Check,
 
 @np.errstate(all="ignore")
 def smallest_by_multipliers(problem: Problem, q: Array) -> tuple[float, Multipliers] | None:
-    """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it.
-
-    None where so many do not, and where parts were left out that might matter.
-    """
+    """Return a bound as large as the amount of a motion about one contact, but for rounding, and boxes that show it."""
+    # None where so many do not, and where parts were left out that might matter
     y = problem.weights * q
     amount = float(np.linalg.norm(y))
     if problem.amount != "weighted" or not _whole(problem) or not amount > 0.0:
         return None
-    low, high = (searched_limits(problem).T * problem.weights)[:, None]
+    low, high = (Examiner(problem, None).limits.T * problem.weights)[:, None]
     low, high = np.maximum(low, -amount), np.minimum(high, amount)
     rows, motions = _rows_of(problem, q), y[None]
     shown, bound, looked_at = list[tuple[Array, Array]](), amount, 0
@@ -151,10 +147,8 @@ class _Contacts:
         return np.array([-np.sign(own @ n) for own, n in zip(normals, nearest, strict=True)])
 
     def least(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
-        """Return amounts below which no motion in boxes does what is asked, (n,), infinite for none, and motions.
-
-        No more is looked for than `enough`.
-        """
+        """Return amounts below which no motion in boxes does what is asked, (n,), infinite for none, and motions."""
+        # no more is looked for than `enough`
         found = np.zeros(len(low))
         chosen = [self._chosen(*one) for one in zip(low, high, motions, strict=True)]
         for ways in zip(*chosen, strict=True):

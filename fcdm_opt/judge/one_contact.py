@@ -41,20 +41,16 @@ Pose = tuple[Array, Array, Array]
 
 
 class _Contact(NamedTuple):
-    """Along which direction two parts come apart first, see `conditions`, and what forces there balance the motion.
-
-    `gap` and the unit `normal`, in the axes of body 2; numbers of the corners of both in its planes; the point that the
-    forces act at, about s_2; how badly they balance, relative to the motion.
-    """
+    """Along which direction two parts come apart first, see `conditions`, and what forces there balance the motion."""
 
     kind: int
     u: Array
     w: Array
     gap: float
-    normal: Array
-    corners: tuple[Ints, Ints]
-    point: Array
-    missed: float
+    normal: Array  # unit, in the axes of body 2
+    corners: tuple[Ints, Ints]  # numbers of the corners of both in its planes
+    point: Array  # that the forces act at, about s_2
+    missed: float  # how badly they balance, relative to the motion
 
 
 class OneContact:
@@ -84,10 +80,8 @@ class OneContact:
     # ---------------------------------------------------------------------------------------------------------- bounds
 
     def least(self, low: Array, high: Array, motions: Array, enough: float) -> tuple[Array, Array]:
-        """Return amounts below which no motion in boxes does what is asked, (n,), and near which they are, (n, k).
-
-        Infinite where none does at all.
-        """
+        """Return amounts below which no motion in boxes does what is asked, (n,), and near which they are, (n, k)."""
+        # infinite where none does at all
         found, places = np.zeros(len(low)), motions.copy()
         for k, y in enumerate(motions):
             for ways in self._choices(y, np.maximum(np.abs(low[k] - y), np.abs(high[k] - y))):
@@ -324,10 +318,8 @@ def _nearest(X: Array, Y: Array) -> Array:
 
 
 def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
-    """Return planes below all of which all is inside a part, or nearer to it than a length; one is across n if may be.
-
-    Normals, (f, 3), and levels, (f,).
-    """
+    """Return planes below all of which all is in a part, or nearer to it than a length; one is across n if may be."""
+    # normals, (f, 3), and levels, (f,)
     if need > 0.0:
         middle = corners.middle
         moved = [middle[list(loop)] + need * normal for loop, normal in zip(part.loops, part.normals, strict=True)]
@@ -341,11 +333,9 @@ def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Ar
 def lagrangian_bounds(
     low: Array, high: Array, y: Array, value: Interval, slope: Sequence[Interval], bend: Sequence[Sequence[Interval]]
 ) -> Array:
-    """Return amounts below which the Lagrangian leaves no motion in boxes, (n,); infinite where there is none in one.
-
-    Of l . F: its value and slopes at motions y, (n, k), which may lie outside, k of them, and its bends, k x k, over
-    the boxes and the ways to them.
-    """
+    """Return amounts below which the Lagrangian leaves no motion in boxes, (n,); infinite where none is in one."""
+    # of l . F: its value and slopes at motions y, (n, k), which may lie outside, k of them, and its bends, k x k, over
+    # the boxes and the ways to them
     k = low.shape[1]
     below, above = (low - y).T / ROUNDED, (high - y).T / ROUNDED
     sides = np.array([[own.size for own in row] for row in bend])

@@ -44,11 +44,9 @@ MOST_BRANCHES = 2000  # of directions along which parts are apart
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
-    """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box.
-
-    They have `contacts`, and the same parameters, weights and limits. The box, in which the motion is to lie, is
-    |weight x parameter| <= half, infinite only of motions that turn nothing.
-    """
+    """Tell whether it is proved that no motion but this one restores the contacts of some problems in a box."""
+    # they have `contacts`, and the same parameters, weights and limits. The box, in which the motion is to lie, is
+    # |weight x parameter| <= half, infinite only of motions that turn nothing
     low, high = problems[0].limits.T
     moving, y = np.flatnonzero(low < high), problems[0].weights * q
     if not _contacts(problems) or not len(moving) or not (np.abs(y[moving]) <= half).all():
@@ -81,11 +79,9 @@ def only_motion(problems: Sequence[Problem], q: Array, half: float) -> bool:
 
 @np.errstate(all="ignore")
 def none_smaller(problems: Sequence[Problem], least: float) -> bool:
-    """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems.
-
-    These are as of `only_motion`. The amount is infinite where none is to do at all, which is proved only within
-    limits.
-    """
+    """Tell whether it is proved that no motion of a smaller weighted amount restores the contacts of some problems."""
+    # these are as of `only_motion`. The amount is infinite where none is to do at all, which is proved only within
+    # limits
     weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving, y = np.flatnonzero(low < high), np.where(low < high, 0.0, low * weights)
     if not _contacts(problems) or not len(moving):
@@ -110,10 +106,8 @@ def none_smaller(problems: Sequence[Problem], least: float) -> bool:
 
 @np.errstate(all="ignore")
 def none_shorter(problems: Sequence[Problem], least: float) -> bool:
-    """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask.
-
-    They have the same parameters, weights and limits. Clearances count as that parts do not overlap.
-    """
+    """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask."""
+    # they have the same parameters, weights and limits. Clearances count as that parts do not overlap
     if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
         return False
     weights, unit = problems[0].weights, np.eye(len(problems[0].weights))
@@ -150,10 +144,8 @@ def none_shorter(problems: Sequence[Problem], least: float) -> bool:
 
 
 def _shortest(rows: Array) -> tuple[float, Array]:
-    """Return a bound of the length of all y with g . y >= h, by the multipliers of the shortest, and that.
-
-    By non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).
-    """
+    """Return a bound of the length of all y with g . y >= h, by the multipliers of the shortest, and that."""
+    # by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23)
     from scipy.optimize import nnls
 
     none = np.zeros(rows.shape[1] - 1)
@@ -192,10 +184,7 @@ def _contacts(problems: Sequence[Problem]) -> bool:
 
 
 class _Restored:
-    """The equations of all contacts of some problems, and their derivatives, by the weighted parameters that move.
-
-    Of y, (k,), those that do not move are taken.
-    """
+    """Equations of some problems' contacts, and derivatives, by those weighted parameters of y, (k,), that move."""
 
     def __init__(self, problems: Sequence[Problem], y: Array, moving: Ints) -> None:
         import casadi
@@ -244,10 +233,8 @@ class _Restored:
         return found.shaped((len(low), *self._shape)), np.broadcast_to(np.asarray(jumps) & (not self._smooth), len(low))
 
     def narrowed(self, low: Array, high: Array, least: float) -> tuple[Array, Array]:
-        """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations.
-
-        A lower end above an upper one where there is none.
-        """
+        """Return what is left of boxes, (n, j): ends round all motions of smaller amounts that meet the equations."""
+        # a lower end above an upper one where there is none
         centre = 0.5 * low + 0.5 * high
         half = np.nextafter(np.maximum(high - centre, centre - low), np.inf)
         none = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1) * ROUNDED >= least

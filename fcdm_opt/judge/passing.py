@@ -46,10 +46,8 @@ def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack
 
 
 def past_after(one: Array, two: Array, ahead: Array, slack: float) -> float:
-    """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite.
-
-    Solids as of `passes`, at rest, (t, 3, 3); `slack` as there.
-    """
+    """Return how far the first solid goes along a unit vector until it is past some of the second; else infinite."""
+    # solids as of `passes`, at rest, (t, 3, 3); `slack` as there
     length = float(np.ptp(np.concatenate([one, two]).reshape(-1, 3), axis=0).sum())  # beyond all of it
     first, second = (_Seen.along(*own, _frame(ahead)) for own in ((one, one + length * ahead), (two, two)))
     pairs = _crossed(first, second, length, slack)
@@ -67,15 +65,11 @@ def _frame(way: Array) -> Array:
 
 
 class _Seen(NamedTuple):
-    """Facets as seen along a way, half-way between before and after.
+    """Facets as seen along a way, half-way between before and after."""
 
-    `corners` before and after, (t, 2, 3, 3), the way along the last axis; `flat`, (t, 3, 2): half-way, across the way;
-    `areas`, (t,): twice those, negative where a facet looks back.
-    """
-
-    corners: Array
-    flat: Array
-    areas: Array
+    corners: Array  # before and after, the way along the last axis, (t, 2, 3, 3)
+    flat: Array  # half-way, across the way, (t, 3, 2)
+    areas: Array  # twice those, negative where a facet looks back, (t,)
 
     @classmethod
     def along(cls, before: Array, after: Array, frame: Array) -> _Seen:
@@ -100,11 +94,9 @@ class _Seen(NamedTuple):
         return np.einsum("ks,ksx->kx", shares, self.corners[rows, 1, :, :2] - self.corners[rows, 0, :, :2])
 
     def chords(self, lines: Array, slack: float) -> tuple[Ints, Array]:
-        """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2).
-
-        Before and after. Convex parts side by side are one. None of a line through an edge that facets do not tell
-        apart.
-        """
+        """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2)."""
+        # before and after. Convex parts side by side are one. None of a line through an edge that facets do not tell
+        # apart
         line, row = _meeting([lines, self.flat.min(axis=1)], [lines, self.flat.max(axis=1)])
         row, line = (own[np.abs(self.areas[row]) > slack * slack] for own in (row, line))
         shares = self.shares(row, lines[line][:, None])
@@ -121,10 +113,8 @@ class _Seen(NamedTuple):
 
 
 def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
-    """Return facets of the first that look ahead and may cross ones of the second that look back, (k, 2), widest first.
-
-    Those that cross are ahead before, or behind by no more than the length of the way, and behind after it.
-    """
+    """Return which facets that look ahead may cross ones of the second that look back, (k, 2), widest first."""
+    # those that cross are ahead before, or behind by no more than the length of the way, and behind after it
     rows, low, high = list[Ints](), list[Array](), list[Array]()
     for own, sign, spare in ((one, 1.0, length), (two, -1.0, 0.0)):
         facing = np.flatnonzero(sign * own.areas > slack * slack)
@@ -156,11 +146,9 @@ def _meeting(low: list[Array], high: list[Array]) -> tuple[Ints, Ints]:
 
 
 def _lines(one: _Seen, two: _Seen, pairs: Ints, length: float) -> tuple[Array, Array]:
-    """Return a line through what each pair of facets has in common as seen along the way, (k, 2), and its slack, (k,).
-
-    Where the second is ahead of the first before, or behind by no more than the length, and behind it after; none for
-    pairs without such a place. The slack is half of how far what meets there is displaced across the way.
-    """
+    """Return a line through what each pair of facets shares as seen along the way, (k, 2), and its slack, (k,)."""
+    # where the second is ahead of the first before, or behind by no more than the length, and behind it after; none for
+    # pairs without such a place. The slack is half of how far what meets there is displaced across the way
     i, j = pairs.T
     corners = one.flat[i][:, :, None], two.flat[j][:, None]
     sides = corners[0][:, NEXT] - corners[0], corners[1][:, :, NEXT] - corners[1]

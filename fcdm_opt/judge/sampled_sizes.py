@@ -141,10 +141,8 @@ class GapClaims:
         return pose
 
     def _gaps(self, place: Array) -> tuple[float, float, float] | None:
-        """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices.
-
-        Of the pairs that are counted; the third is how far the others are from touching.
-        """
+        """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""
+        # of the pairs that are counted; the third is how far the others are from touching
         if self.permanent_faces is not None:
             gap = self._of_true_faces(place)
             return gap, gap, 0.0
@@ -183,10 +181,8 @@ class GapClaims:
         return [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.bodies, ROLES, strict=True)]
 
     def _along(self, bodies: tuple[Body, Body], scales: Array, pose: Array) -> float:
-        """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces.
-
-        Whose parts are thin: how deep two of them overlap says nothing of the solids.
-        """
+        """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces."""
+        # whose parts are thin: how deep two of them overlap says nothing of the solids
         assert self.contact is not None
         feature, _, way = self.contact
         points = []

@@ -183,10 +183,8 @@ class _There:
         return np.asarray((others != k) & (self.is_round[k] | self.is_round[others]))
 
     def has(self, k: int, feet: Array, slack: float, *, over: bool = False) -> Flags:
-        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord.
-
-        With `over` they are known to be over its triangles.
-        """
+        """Tell which points of a surface are on the face: on its triangles, but where an edge leaves its chord."""
+        # with `over` they are known to be over its triangles
         if not len(feet):
             return np.zeros(0, bool)
         m, start, end, room, _ = self._bent_edges(k)
@@ -254,10 +252,8 @@ def _neighbours(corners: Array, owners: Ints) -> Ints:
 
 
 def _on_edge(one: _Surfaces, two: _Surfaces, start: Array, end: Array, share: Array) -> Array:
-    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord.
-
-    The surfaces are those of all, or one for each chord.
-    """
+    """Return points of the curve where surfaces meet, each at a right angle off a share (n, 1) of its chord."""
+    # the surfaces are those of all, or one for each chord
     return points_of_edges(_rows(one.numbers, 10), _rows(two.numbers, 10), start, end, share.ravel())
 
 
@@ -280,11 +276,9 @@ def _deepest(own: _There, other: _There, band: float, without: _Closed, known: f
 
 
 def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> float:
-    """Return a bound of how deep points of a face lie behind another surface.
-
-    The height over a plane, a cylinder, a cone or a sphere is convex: over a triangle it is at most what it is at the
-    corners, and at least what its tangent plane at the middle is there.
-    """
+    """Return a bound of how deep points of a face lie behind another surface."""
+    # the height over a plane, a cylinder, a cone or a sphere is convex: over a triangle it is at most what it is at the
+    # corners, and at least what its tangent plane at the middle is there
     surface, corners = other.surfaces.of_each(k), own.corners[triangles]
     if np.isnan(surface.line[0]) and surface.ring > 0.0:
         return np.inf
@@ -300,10 +294,8 @@ def _at_most(own: _There, j: int, triangles: Ints, other: _There, k: int) -> flo
 def _of_two(
     own: _There, j: int, triangles: Ints, other: _There, k: int, band: float, known: float, without: _Closed
 ) -> float:
-    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
-
-    Of plane faces without points at the edge of a contact that does not count; minus infinity without others.
-    """
+    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known."""
+    # of plane faces without points at the edge of a contact that does not count; minus infinity without others
     grid = GRID if len(triangles) <= MANY else GRID // 2
     steps = np.arange(grid) / (grid - 1)
     shares = np.array([(max(1.0 - u - v, 0.0), u, v) for u in steps for v in steps if u + v <= 1.0 + 1e-9])

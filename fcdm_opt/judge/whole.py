@@ -24,13 +24,10 @@ FIRST, WIDER = 2e-6, 8.0  # of the size: how near surfaces are to be looked at i
 
 
 class Outside(NamedTuple):
-    """What was found on the whole surfaces: the least distance of what is not looked at in detail, and what is inside.
-
-    `inside` counts closed surfaces of one body that lie inside the other.
-    """
+    """What was found on the whole surfaces: the least distance of what is not looked at closely, and what is inside."""
 
     distance: float
-    inside: int
+    inside: int  # closed surfaces of one body that lie inside the other
 
 
 class WholeSurfaces:

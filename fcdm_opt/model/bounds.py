@@ -25,13 +25,12 @@ def search_rate(task: Task) -> float:
 
 
 def displacement_bound(task: Task) -> float:
-    """Return a lower bound of the amount (design: bounds known to hold); 0 for one of the user's own.
-
-    The signed distance of a part pair changes by no more than the largest displacement of a vertex, and parameter k
-    displaces none by more than its reach d_k per unit, so need <= sum d_k |q_k| <= |w q| sqrt(sum (d_k / w_k)^2). The
-    gap over facet directions is the signed distance where a pair overlaps, and never exceeds it: it may stand for it
-    where a gap is to be closed or an overlap undone, not where a gap is to be widened. 0 where nothing asks for either.
-    """
+    """Return a lower bound of the amount (design: bounds known to hold); 0 for one of the user's own."""
+    # the signed distance of a part pair changes by no more than the largest displacement of a vertex, and parameter k
+    # displaces none by more than its reach d_k per unit, so need <= sum d_k |q_k| <= |w q| sqrt(sum (d_k / w_k)^2). The
+    # gap over facet directions is the signed distance where a pair overlaps, and never exceeds it: it may stand for it
+    # where a gap is to be closed or an overlap undone, not where a gap is to be widened. 0 where nothing asks for
+    # either
     if task.amount_kind == "displacement":
         return _least_displacement(task)
     return _least_displacement(task) / task.displacement_rate if task.weighted else 0.0
@@ -61,11 +60,9 @@ def _distances(task: Task, gaps: Array) -> Array:
 
 
 def _tracked_need(task: Task) -> float:
-    """Return how far a vertex of body 1 moves at least where the tracked contact comes to the target pair.
-
-    The point that touches in the end belongs to the contact's elements, and is at rest its line's gap away from the
-    other body's. Of faces that stay flush every point moves alike along each normal: so as to close all gaps at once.
-    """
+    """Return how far a vertex of body 1 moves at least where the tracked contact comes to the target pair."""
+    # the point that touches in the end belongs to the contact's elements, and is at rest its line's gap away from the
+    # other body's. Of faces that stay flush every point moves alike along each normal: so as to close all gaps at once
     if task.goal not in ("at", "seat"):
         return 0.0
     normals, gaps = task.face_gaps

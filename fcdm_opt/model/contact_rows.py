@@ -254,10 +254,8 @@ Nearest = dict[Parts, tuple[tuple[int, int, int], Array]]
 
 
 def _nearest(task: Task, parts: Parts, q: Array) -> tuple[tuple[int, int, int], Array]:
-    """Return the features of a part pair that are furthest apart, as a site, and their normal.
-
-    Of several along one normal, as of faces in parallel, those that are least aside of one another.
-    """
+    """Return the features of a part pair that are furthest apart, as a site, and their normal."""
+    # of several along one normal, as of faces in parallel, those that are least aside of one another
     sites, rows, separations = task.separations(parts, task.pose(q))
     tie, widest = DEFAULT.tie * task.size, int(np.argmax(separations))
     one, other, T = task.movable.parts[parts[0]], task.obstacles[parts[1]], task.transform(q)
@@ -337,10 +335,8 @@ def _as_points(problem: Problem, ball: BallOnFace, at: tuple[Array, Array]) -> F
 
 
 def _meeting(task: Task, points: FeaturePoints) -> Feature:
-    """Return the bodies' own elements that meet in a row: those of a part may be cuts, or lie on several of them.
-
-    What is tracked meets at rest, at the tracked pair; other contacts meet as drawn.
-    """
+    """Return the bodies' own elements that meet in a row: those of a part may be cuts, or lie on several of them."""
+    # what is tracked meets at rest, at the tracked pair; other contacts meet as drawn
     rho, pose, _ = task.tracked_contact(task.rest, 0.0) if task.tracked else (np.ones(2), task.pose(task.rest), ())
     one, two = task.movable.parts[points.parts[0]], task.static.parts[points.parts[1]]
     normal = points.normal(pose[:9].reshape(3, 3))

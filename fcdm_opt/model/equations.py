@@ -29,17 +29,13 @@ OWNERS = {F1V2: (1, 1, 1, 2), V1F2: (1, 2, 2, 2), E1E2: (1, 1, 2, 2)}  # the bod
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """What a template needs to know of a feature pair, of kind F1V2, V1F2 or E1E2.
-
-    The points, (3, 4), are vertices as drawn, see the module; `sign` is the orientation of the normal, `parts` the
-    part pair, and `site` (kind, i, j) in the packed parts.
-    """
+    """What a template needs to know of a feature pair, of kind F1V2, V1F2 or E1E2."""
 
     kind: int
-    points: Array
-    sign: float
-    parts: tuple[int, int]
-    site: tuple[int, int, int]
+    points: Array  # vertices as drawn, see the module, (3, 4)
+    sign: float  # the orientation of the normal
+    parts: tuple[int, int]  # the part pair
+    site: tuple[int, int, int]  # (kind, i, j) in the packed parts
 
     @property
     def values(self) -> Array:
@@ -58,10 +54,8 @@ class FeaturePoints:
 def feature_points(
     movable: Body, static: Body, site: tuple[int, int, int], parts: tuple[int, int], normal: Array, rotation: Array
 ) -> FeaturePoints:
-    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair.
-
-    Its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign.
-    """
+    """Return the template parameters of a site: a facet of the Minkowski difference of a part pair."""
+    # its normal from body 1 to body 2, at the pose in which `rotation`, (3, 3), turns body 1, fixes the sign
     kind, i, j = site
     one, two = movable.parts[parts[0]], static.parts[parts[1]]
     if kind == F1V2:

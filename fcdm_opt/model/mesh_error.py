@@ -120,11 +120,9 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
 
 
 def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solution] | None, certify: bool) -> Solution:
-    """Return a solution whose parts are exact where they meet, and elsewhere within the true ones.
-
-    The motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart
-    and larger ones touch sooner, bodies about the true ones tell what is least.
-    """
+    """Return a solution whose parts are exact where they meet, and elsewhere within the true ones."""
+    # the motion is right for the true ones. Where larger bodies ask for more, no smaller one is; where parts are apart
+    # and larger ones touch sooner, bodies about the true ones tell what is least
     problem, amount = solution.problem, solution.amount
     if not solution.usable:
         impossible = problem.goal == "clear" and solution.status in IMPOSSIBLE  # for larger ones too
@@ -201,10 +199,8 @@ def _least_of(problem: Problem, solve: Callable[[Problem, str], Solution], secon
 
 
 def _of_smaller(solution: Solution, inner: Solution) -> Solution:
-    """Return a refused solution with what bodies within the true ones need: the true ones need that at least.
-
-    Infinitely much where these are refused alike.
-    """
+    """Return a refused solution with what bodies within the true ones need: the true ones need that at least."""
+    # infinitely much where these are refused alike
     if solution.problem.goal == "touch" and _gap_at_rest(inner.problem) > 0.0:
         return solution
     if not inner.usable and inner.status is not solution.status:
@@ -271,10 +267,8 @@ def too_wide(problem: Problem) -> bool:
 
 
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
-    """Tell whether true parts overlap no more than the tracked contact lets them, after the motion.
-
-    By their true faces where all are recognised, else by bodies about them.
-    """
+    """Tell whether true parts overlap no more than the tracked contact lets them, after the motion."""
+    # by their true faces where all are recognised, else by bodies about them
     problem, slack = solution.problem, solution.problem.contact_slack
     rho = solution.pair if problem.contacts else solution.rho
     if rho is None or solution.transform is None or problem.partial:

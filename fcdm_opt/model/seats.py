@@ -19,10 +19,8 @@ Bools = NDArray[np.bool_]
 
 
 def spins(motion: Motion, movable: Body, static: Body) -> Array:
-    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate.
-
-    Rates, not finite turns: a screw along the seeds has no axis where another parameter brings them together.
-    """
+    """Return the axis about which each parameter turns body 1 at rest, (k, 3): its length is the rate."""
+    # rates, not finite turns: a screw along the seeds has no axis where another parameter brings them together
     if motion.shifts:
         return np.zeros((len(motion.parameters), 3))
     rates = motion.kinematics(movable.seed, static.seed).rates(np.zeros(len(motion.parameters)))[1]
@@ -31,10 +29,8 @@ def spins(motion: Motion, movable: Body, static: Body) -> Array:
 
 
 def tilts(seats: Sequence[Flush], axes: Array) -> Array:
-    """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k).
-
-    The axes, (k, 3), are as of `spins`.
-    """
+    """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k)."""
+    # the axes, (k, 3), are as of `spins`
     return np.array([axes @ crossed(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
 
 
@@ -53,11 +49,9 @@ def independent(rows: Array) -> list[int]:
 
 
 def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) -> Bools:
-    """Return which parameters must stay zero for nothing to tilt on the whole of a straight way, (k,).
-
-    Such a way tilts nothing to first order at rest: its parameters lie in the null space of `tilts`. Where only one
-    mixture of turns does so, and still tilts something further on, nothing may turn at all.
-    """
+    """Return which parameters must stay zero for nothing to tilt on the whole of a straight way, (k,)."""
+    # such a way tilts nothing to first order at rest: its parameters lie in the null space of `tilts`. Where only one
+    # mixture of turns does so, and still tilts something further on, nothing may turn at all
     axes = spins(motion, movable, static)
     turning = axes.any(axis=1)
     rates = tilts(seats, axes) if turning.any() else np.zeros((0, len(axes)))
@@ -76,19 +70,15 @@ def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) ->
 
 
 def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
-    """Return the flush contact that a piece of the curve is, if any; of parallel edges one of their planes.
-
-    The facet that the piece names may be that of two edges, whose common normal a motion leaves undefined.
-    """
+    """Return the flush contact that a piece of the curve is, if any; of parallel edges one of their planes."""
+    # the facet that the piece names may be that of two edges, whose common normal a motion leaves undefined
     same = [seat for seat in seats if piece.feature in (seat.feature, seat.touching)]
     return max(same, key=lambda seat: float(seat.normal @ piece.normal), default=None)
 
 
 def untracked(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
-    """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked.
-
-    Those of them that are tracked are among `tracked`.
-    """
+    """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked."""
+    # those of them that are tracked are among `tracked`
     own = [seat for seat in seats if seat in tracked]
     kept: list[Flush] = []
     for seat in seats:

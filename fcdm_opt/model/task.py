@@ -68,15 +68,12 @@ class Answer:
 
 
 class ObstaclePart(NamedTuple):
-    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out.
-
-    `need` is the least gap it asks for, -inf where it asks for none; `keep_out` counts from 0, -1 for the static body.
-    """
+    """A convex part that the parts of body 1 meet: of the static body at the target pair, or of a keep-out."""
 
     part: ConvexPart
     scale: float
-    need: float
-    keep_out: int = -1
+    need: float  # the least gap it asks for, -inf where it asks for none
+    keep_out: int = -1  # counts from 0, -1 for the static body
 
     def placed(self, origin: Array) -> Array:
         """Return its vertices as scaled, from a point, (n, 3)."""
@@ -190,10 +187,8 @@ class Task:
         return made
 
     def line_gaps(self, q: Array) -> tuple[Array, Array]:
-        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion.
-
-        The lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `untracked`.
-        """
+        """Return normals, (k, 3), and separations at the target pair, (k,), of the contact lines after a motion."""
+        # the lines that goals "at" and "seat" bring to the target pair: the tracked ones, then those `untracked`
         pose, asked = self.pose(q), (*self.tracked, *self.untracked)
         lines = [Tracked.at(self.movable, self.static, pose, line.parts, line.site, line.sign) for line in asked]
         rows = np.array([line.line for line in lines])
@@ -362,10 +357,8 @@ class Task:
 
     @cached_property
     def displacement_rate(self) -> float:
-        """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount.
-
-        Infinite for a motion of the user's own, of which no bound is known.
-        """
+        """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount."""
+        # infinite for a motion of the user's own, of which no bound is known
         return float(np.linalg.norm(self.motion.reaches(self.made_vertices, self.movable.seed) / self.weights))
 
     def transform(self, q: Array) -> Array:
@@ -415,10 +408,8 @@ class Task:
         return bool((q >= self.limits[:, 0]).all() and (q <= self.limits[:, 1]).all())
 
     def separations(self, parts: Parts, pose: Array) -> tuple[Ints, Array, Array]:
-        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made.
-
-        `pose` is relative to the static body, see `pose`.
-        """
+        """Return (sites, rows, separations) of all facet directions of a part pair, the last at the scales made."""
+        # `pose` is relative to the static body, see `pose`
         one, obstacle = self.movable.parts[parts[0]], self.obstacles[parts[1]]
         pose, rho = self._against(obstacle, pose)
         sites, rows = kernels.facet_rows(*one.packed, *obstacle.part.packed, pose)
@@ -454,12 +445,10 @@ class Task:
         return self._kinematics.rates(q)
 
     def pair_gaps(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
-        """Return the signed gap of every part pair at the scales made, (parts of 1, obstacles).
-
-        The largest separation over facet directions and, where it is larger, along the direction that `normals` gives
-        for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
-        exceeds what is needed and the least gap.
-        """
+        """Return the signed gap of every part pair at the scales made, (parts of 1, obstacles)."""
+        # the largest separation over facet directions and, where it is larger, along the direction that `normals` gives
+        # for a pair: none exceeds the distance. Of pairs that need no closer look a lower bound of the distance that
+        # exceeds what is needed and the least gap
         pose = self.pose(q)
         gaps = self._remembered(self._facet_gaps, q, lambda: self._along_facets(pose)).copy()
         for (i, j), normal in (normals or {}).items():
@@ -513,11 +502,9 @@ class Task:
         return self.contact_gap(self.pair_gaps(q, normals))
 
     def misses(self, q: Array, normals: Mapping[Parts, Array] | None = None) -> tuple[float, float]:
-        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides.
-
-        The first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
-        among them; the second is infinite where there are none besides.
-        """
+        """Return how far goal "touch" or "clear" is from being met, and by how much keep-outs are cleared besides."""
+        # the first is 0 where "touch" has its contact, and not negative where "clear" has its gaps, those to keep-outs
+        # among them; the second is infinite where there are none besides
         excess = self.pair_gaps(q, normals) - self.needs
         contact = float(excess[:, : len(self.static.parts)].min())
         others = float(excess[:, len(self.static.parts) :].min(initial=np.inf))
@@ -528,19 +515,15 @@ class Task:
         return float(gaps[:, : len(self.static.parts)].min())
 
     def way_between(self, parts: Parts, q: Array) -> Array:
-        """Return the direction along which two parts are their distance apart; of parts that overlap, that of a facet.
-
-        The differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0.
-        """
+        """Return the direction along which two parts are their distance apart; of overlapping parts, of a facet."""
+        # the differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0
         _, rows, gaps = self.separations(parts, self.pose(q))
         way = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
         return frozen(rows[gaps.argmax(), :3]) if way is None else way
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
-        """Return (scale pair, pose, features) of the tracked contact at path position s.
-
-        The pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target.
-        """
+        """Return (scale pair, pose, features) of the tracked contact at path position s."""
+        # the pair is nan where the two lines are parallel. Contacts that are restored together are sought at the target
         pose = self.pose(s * np.asarray(q))
         if self.joints:
             return self.target, pose, ()
@@ -559,11 +542,9 @@ class Task:
         return path + (c - a * path[0] - b * path[1]) / (a * a + b * b) * np.array([a, b]), pose, tracked
 
     def path_faults(self, q: Array, *, first: bool = False) -> list[tuple[float, Array, Fault | None]]:
-        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked).
-
-        The worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does not
-        exist, or a flush contact opens. With `first` what is met first, from the end of the path back.
-        """
+        """Return why the tracked contact is not real along the path (at its end only where coherence is not asked)."""
+        # the worst fault of each kind, as (path position, pose, fault); None for a fault where the tracked pair does
+        # not exist, or a flush contact opens. With `first` what is met first, from the end of the path back
         key = (np.ascontiguousarray(q).view(np.int64) >> 10).tobytes()  # alike but for roundings
         if key in self._faultless:
             return []
@@ -599,13 +580,11 @@ class Task:
         return np.linspace(1.0, 0.0, count + 1)[:count].tolist()
 
     def _telling_shift(self, q: Array) -> Sequence[float] | None:
-        """Return these of a motion that shifts: every separation along a facet direction is linear on the way.
-
-        So a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
-        elements share something on the way if they do at both ends: it is convex in place and position together. Where
-        what they share lies on several faces of a body, its name is looked at all along. None where several parts take
-        turns at one of these.
-        """
+        """Return these of a motion that shifts: every separation along a facet direction is linear on the way."""
+        # so a contact that holds at both ends comes apart nowhere between, parts overlap in an interval, and two flush
+        # elements share something on the way if they do at both ends: it is convex in place and position together.
+        # Where what they share lies on several faces of a body, its name is looked at all along. None where several
+        # parts take turns at one of these
         (before, start, _), (rho, pose, tracked) = self.tracked_contact(q, 0.0), self.tracked_contact(q)
         if not (np.isfinite(rho).all() and min(rho.min(), before.min()) > 0):
             return None
@@ -620,10 +599,8 @@ class Task:
     def _renamed(
         self, q: Array, tracked: Sequence[Tracked], start: tuple[Array, Array], end: tuple[Array, Array]
     ) -> list[float]:
-        """Return the first path position, from the end back, at which a flush contact of a shift has another name.
-
-        `start` and `end` of the shift as (pose, scale pair), between which both change in proportion.
-        """
+        """Return the first path position, from the end back, at which a flush contact of a shift has another name."""
+        # `start` and `end` of the shift as (pose, scale pair), between which both change in proportion
         found = list[float]()
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
@@ -645,10 +622,8 @@ class Task:
         return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
-        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack.
-
-        `normals` are directions that prove part pairs apart, see `pair_gaps`.
-        """
+        """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack."""
+        # `normals` are directions that prove part pairs apart, see `pair_gaps`
         if self.tracked:
             rho, _, _ = self.tracked_contact(q)
             excess = (rho - self.target) * self.signs if self.goal == "beyond" else -np.abs(rho - self.target)
@@ -686,10 +661,8 @@ class Task:
         return max(lines, abs(self.gap(q))) if self.must_touch else lines
 
     def meets_in_steps(self, q: Array) -> bool:
-        """Tell whether a motion in whole steps meets the requirement; an equation to within what the steps leave open.
-
-        The target pair of such a goal must not overlap.
-        """
+        """Tell whether a motion in whole steps meets the requirement; an equation to within what steps leave open."""
+        # the target pair of such a goal must not overlap
         if not self.is_equation:
             return self.meets(q, DEFAULT.requirement)
         assert self.resolution is not None
@@ -705,10 +678,8 @@ class Task:
 
 
 def lines_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:
-    """Return the lines that say together that a contact's own elements meet.
-
-    One of a vertex and a face or of two edges, two of a vertex and an edge, three of two vertices.
-    """
+    """Return the lines that say together that a contact's own elements meet."""
+    # one of a vertex and a face or of two edges, two of a vertex and an edge, three of two vertices
     kept = independent(joint.normals)
     both = zip(joint.sites[kept].tolist(), joint.normals[kept], strict=True)
     return tuple(feature_points(movable, static, tuple(site), joint.parts, n, np.eye(3)) for site, n in both)
@@ -723,10 +694,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:
-    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way.
-
-    A parameter whose limits exclude zero keeps them.
-    """
+    """Return the limits, zero for parameters that cannot change without tilting a flush contact on the way."""
+    # a parameter whose limits exclude zero keeps them
     if not seats or problem.path != "coherent":
         return problem.limits
     still = held(seats, problem.motion, problem.movable, problem.static)

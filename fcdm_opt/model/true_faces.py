@@ -58,10 +58,8 @@ class Exchange:
 
     @classmethod
     def of(cls, problem: Problem) -> Exchange | None:
-        """Return it; None where round faces play no part, or what they are is not known.
-
-        A goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale.
-        """
+        """Return it; None where round faces play no part, or what they are is not known."""
+        # a goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale
         facets = problem.of_facets
         if facets.goal not in ("touch", "clear") or facets.contacts:
             return None
@@ -77,10 +75,8 @@ class Exchange:
         return self.facets.with_exact_points(self.points)
 
     def nearest(self, transform: Array, slack: float) -> list[NearestPoints]:
-        """Return where the gap after a motion is less than asked and some slack, the worst first, a few; or is least.
-
-        Gaps are less what is asked for. Of keep-outs the second point is not theirs.
-        """
+        """Return where the gap after a motion is less than asked and some slack, a few, the worst first; or least."""
+        # gaps are less what is asked for. Of keep-outs the second point is not theirs
         chosen = list[NearestPoints]()
         for own in self._sorted(transform, max(slack, self._slack)):
             if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
@@ -114,11 +110,9 @@ class Exchange:
         return {role: [*known, *own] for (role, known), own in zip(self.points.items(), new, strict=True)}
 
     def met(self, transform: Array) -> list[NearestPoints]:
-        """Return the points that a motion moves towards each other most of those where parts touch after it, or none.
-
-        Each half as far within as they overlap, by rounding: line to line, parts fit. Points that only slide on each
-        other, as beside a pin that is moved in its bore, would be as near before and after.
-        """
+        """Return the points, of those where parts touch after a motion, that it moves together most, or none."""
+        # each half as far within as they overlap, by rounding: line to line, parts fit. Points that only slide on each
+        # other, as beside a pin that is moved in its bore, would be as near before and after
         facets, scale = self.facets, float(self.facets.target[0])
         seed = facets.movable.seed
 
@@ -137,11 +131,9 @@ class Exchange:
         return [own._replace(points=own.points + within[: len(own.points)])]
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
-        """Return where true faces meet after the least motion near one after which the parts touch.
-
-        Parts that are exact at two points alone touch there whatever their normals are; true faces may do so after a
-        smaller motion, which is sought by sequential quadratic programming (SLSQP) on their gap and its slopes.
-        """
+        """Return where true faces meet after the least motion near one after which the parts touch."""
+        # parts that are exact at two points alone touch there whatever their normals are; true faces may do so after a
+        # smaller motion, which is sought by sequential quadratic programming (SLSQP) on their gap and its slopes
         facets, start = self.facets, np.array([*found.parameters.values()])
         assert found.transform is not None
         seed, scale = facets.movable.seed, float(facets.target[0])
@@ -178,12 +170,10 @@ class Exchange:
         return [own for own in near if not self.has(own)]
 
     def balanced(self, q: Array, sign: float) -> Array | None:
-        """Return the least motion next to one, by Newton's method on its optimality conditions; None if it is that.
-
-        There y = W q, of length 1, is a sum of multipliers times the slopes by y of gaps that are 0: of `sign` 1 where
-        these keep parts apart, -1 of the one that they close. How slopes change is taken by differences. A motion
-        counts only where it leaves less of the conditions open.
-        """
+        """Return the least motion next to one, by Newton's method on its optimality conditions; None if it is that."""
+        # there y = W q, of length 1, is a sum of multipliers times the slopes by y of gaps that are 0: of `sign` 1
+        # where these keep parts apart, -1 of the one that they close. How slopes change is taken by differences. A
+        # motion counts only where it leaves less of the conditions open
         facets, size = self.facets, float(np.linalg.norm(self.facets.weights * q))
         free = (q > facets.limits[:, 0]) & (q < facets.limits[:, 1])
         if facets.amount != "weighted" or np.count_nonzero(free) < 2 or not size > self._slack:
@@ -226,10 +216,8 @@ class Exchange:
         return None if best is start else unit * best
 
     def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
-        """Make the parts exact also where the points of two rounds lead to, as if each left the same share of the gap.
-
-        It is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so.
-        """
+        """Make the parts exact also where points of two rounds lead to, as if each left the same share of the gap."""
+        # it is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so
         near, bodies = FAR * self.facets.size, (self.facets.movable, self.facets.static)
         for own in found:
             last = min(before, key=lambda other: float(norms(own.points[0] - other.points[0])), default=own)
@@ -247,10 +235,8 @@ class Exchange:
         return [own for own in found if own.gap < -self._slack or not self.has(own)]
 
     def refine(self, transform: Array, apart: float | None = None) -> bool:
-        """Make the parts exact where true faces overlap after a motion; tell whether they were not.
-
-        With `apart` also where they are nearer than that, and where they are nearest.
-        """
+        """Make the parts exact where true faces overlap after a motion; tell whether they were not."""
+        # with `apart` also where they are nearer than that, and where they are nearest
         limit = -TIGHT * self._slack if apart is None else max(self._slack, apart)
         near = self.nearest(transform, limit)
         if apart is not None and not near:  # directions of facets alone may say less than the distance
@@ -355,11 +341,9 @@ def points_of_true_faces(
 
 
 def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last: bool) -> Answer:
-    """Return an answer with the least motion on true faces next to its own, where the parts are exact at some points.
-
-    Between these the motion of the least amount is known only to the root of what an amount is known to. Before the
-    `last` one of several questions only where parts are to touch: to one that parts them, others lead as fast.
-    """
+    """Return an answer with the least motion on true faces next to its own, where parts are exact at some points."""
+    # between these the motion of the least amount is known only to the root of what an amount is known to. Before the
+    # `last` one of several questions only where parts are to touch: to one that parts them, others lead as fast
     asked = Exchange.of(problem) if problem.exact_at and answer.q is not None else None
     if asked is None:
         return answer

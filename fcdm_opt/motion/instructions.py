@@ -46,13 +46,11 @@ POSE = 12  # numbers of a pose: R row by row, and d = s_2 - moved s_1
 
 @dataclass(frozen=True, eq=False)
 class Instructions:
-    """A CasADi function as instructions.
+    """A CasADi function as instructions."""
 
-    Of INPUT the operands are the number of the input and the entry; of OUTPUT the place is the entry, the operands what
-    is given out and the number of the output.
-    """
-
-    rows: Ints  # (n, 4): code, place of the result, places of the operands
+    # (n, 4): code, place of the result, places of the operands. Of INPUT the operands are the number of the input and
+    # the entry; of OUTPUT the place is the entry, the operands what is given out and the number of the output
+    rows: Ints
     constants: Array  # (n,), values of CONST
     places: int  # numbers that are kept at most
     sizes: tuple[int, ...]  # entries of each output
@@ -95,10 +93,7 @@ class Instructions:
         return [(code, NAMES[code], place, i, j, constant) for (code, place, i, j), constant in rows]
 
     def carried_out(self, arithmetic: Arithmetic, *inputs: Sequence[Any]) -> list[list[Any]]:
-        """Return the outputs, column by column, for inputs of any kind of number.
-
-        Raises `NotImplementedError` for an operation that the arithmetic does not have.
-        """
+        """Return the output columns for any kind of numbers; `NotImplementedError` for an operation they lack."""
         constant = arithmetic.get("CONST", float)
         work: list[Any] = [None] * self.places
         outputs = [[constant(0.0)] * size for size in self.sizes]
@@ -153,14 +148,11 @@ def interpreted(function: Any, values: Sequence[Any]) -> list[Any]:
 
 @dataclass(frozen=True, eq=False)
 class PoseInstructions:
-    """A motion's pose and rates as instructions for kernels, with their constants.
-
-    The first `short` of them give the pose alone. Their second argument is seeds and `numbers`, see `Motion.numbers`.
-    """
+    """A motion's pose and rates as instructions for kernels, with their constants."""
 
     instructions: Instructions
-    short: int
-    numbers: Array
+    short: int  # so many of them, the first, give the pose alone
+    numbers: Array  # their second argument is seeds and these, see `Motion.numbers`
 
     def scaled(self, scale: Array, movable_seed: Array, static_seed: Array) -> tuple[Any, ...]:
         """Return what the kernels take as a motion of z, where q = scale * z."""
@@ -169,10 +161,8 @@ class PoseInstructions:
 
 
 def pose_instructions(motion: Motion) -> PoseInstructions | None:
-    """Return the instructions of a motion's pose (R row by row, s_2 - moved s_1) and its derivatives.
-
-    None where an operation of a user's own motion has no place in `stages.compiled.run`.
-    """
+    """Return the instructions of a motion's pose (R row by row, s_2 - moved s_1) and its derivatives."""
+    # None where an operation of a user's own motion has no place in `stages.compiled.run`
     shared = _of_pattern(motion.pattern)
     return None if shared is None else replace(shared, numbers=motion.numbers)
 

@@ -792,11 +792,9 @@ def _versine(square: Any) -> Any:
 
 
 def _smooth(square: Any, far: Callable[[Any], Any], first: int) -> Any:
-    """Return f(r^2) = 1/first! - r^2/(first + 2)! + ..., where r is not small by its closed form `far` of r.
-
-    Both branches of the expression are finite everywhere, with all derivatives: a derivative of the branch that is
-    not taken is multiplied by 0, which nan would survive.
-    """
+    """Return f(r^2) = 1/first! - r^2/(first + 2)! + ..., where r is not small by its closed form `far` of r."""
+    # both branches of the expression are finite everywhere, with all derivatives: a derivative of the branch that is
+    # not taken is multiplied by 0, which nan would survive
     if isinstance(square, float):
         return _series(square, first) if square < SMALL else far(math.sqrt(square))
     import casadi

@@ -187,10 +187,8 @@ def _set_lines(T, features, target, lines):
 
 @kernel
 def _set_crossing(lines, determinant, excess):
-    """Set the determinant D of two lines, and D times how far beyond the target pair they cross.
-
-    With the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on.
-    """
+    """Set the determinant D of two lines, and D times how far beyond the target pair they cross."""
+    # with the gaps g, g' there, D (rho_1 - rho_t1) is g b' - g' b, and so on
     determinant[:], excess[:] = 0.0, 0.0
     for k in range(2):
         sign = 1.0 - 2.0 * k
@@ -202,10 +200,8 @@ def _set_crossing(lines, determinant, excess):
 @light
 @kernel
 def goal_cells(T, features, target, signs, margin, codes, witness):
-    """Tell where the tracked contact cannot be where the goal wants it.
-
-    With `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair.
-    """
+    """Tell where the tracked contact cannot be where the goal wants it."""
+    # with `signs` it is to lie beyond the target pair. Without (zeros) every line is to pass through the target pair
     m = T.shape[2]
     lines, determinant, excess = np.zeros((len(features), 4, m)), np.zeros(m), np.zeros((2, m))
     for cell in range(len(T)):
@@ -248,10 +244,8 @@ def _opposed(x, y, sign, margin):
 @light
 @kernel
 def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
-    """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`.
-
-    `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`.
-    """
+    """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`."""
+    # `one` and `two` have the vertices of both bodies, part by part from `starts1` and `starts2`
     m = T.shape[2]
     n, level, height = np.zeros((3, m)), np.zeros(m), np.zeros(m)
     for cell in range(len(T)):
@@ -290,11 +284,9 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
 @light
 @kernel
 def left_cells(T, features, target, first, second, margin, codes, witness):
-    """Tell where another direction keeps the tracked part pair apart at the tracked scale pair.
-
-    The direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
-    tracked scales of the cell's centre.
-    """
+    """Tell where another direction keeps the tracked part pair apart at the tracked scale pair."""
+    # the direction is the one along which the polyhedra, given at scale 1 about the seeds, are furthest apart at the
+    # tracked scales of the cell's centre
     m = T.shape[2]
     lines, determinant, excess = np.zeros((2, 4, m)), np.zeros(m), np.zeros((2, m))
     n, site, other, rest, height = np.zeros((3, m)), np.zeros(FEATURE), np.zeros((3, m)), np.zeros(m), np.zeros(m)
@@ -482,10 +474,8 @@ def _set_excess(T, body, start, along, normals, levels, excess, rates):
 
 @kernel
 def _moving(excess, rates, place):
-    """Let a place on an edge move with the middle of what is inside, each end of which moves as the face that cuts it.
-
-    It is held where it would leave its edge.
-    """
+    """Let a place on an edge move with the middle of what is inside, each end as the face that cuts it."""
+    # it is held where it would leave its edge
     m = len(place)
     for sense in range(2):
         edge_place, face = float(sense), -1
@@ -513,13 +503,11 @@ def _stays(excess, rates, place, margin):
 
 @kernel
 def meets(T, one, two, margin, witness):
-    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other.
-
-    The point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
-    `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that.
-    Or a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the
-    other: aligned boxes overlap so, as all that their edges share lies on faces.
-    """
+    """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other."""
+    # the point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
+    # `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that. Or
+    # a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the other:
+    # aligned boxes overlap so, as all that their edges share lies on faces
     m, R, d, solids = T.shape[1], T[:9, 0], T[9:12, 0], (one, two)
     best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
     p, u, x, count = np.empty(3), np.empty(3), np.zeros(3), 0
@@ -603,10 +591,9 @@ def set_nearest(R, d, one, two, x, y):
 
 @kernel
 def nearer(T, one, two, need, margin, witness):
-    """Tell whether two points of two polyhedra are nearer than `need` over a whole cell.
-
-    `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about s_2.
-    """
+    """Tell whether two points of two polyhedra are nearer than `need` over a whole cell."""
+    # `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about
+    # s_2
     m = T.shape[1]
     x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     if not set_nearest(T[:9, 0].copy(), T[9:12, 0].copy(), one, two, x, y) < need:

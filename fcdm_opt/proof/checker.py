@@ -46,11 +46,9 @@ FLOATS = 2.0**-48  # relative rounding of what a handful of operations on floats
 
 
 def check_evidence(problem: Problem, evidence: Evidence, lower_bound: float) -> tuple[Check, ...]:
-    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks.
-
-    The evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
-    the bound, and of each reason.
-    """
+    """Check a proof that no motion of a smaller amount than `lower_bound`, or none at all, does what a problem asks."""
+    # the evidence is taken at its word in nothing. Returned are checks of the cover of all directions and stretches, of
+    # the bound, and of each reason
     flaw = _flaw(problem, evidence)
     if flaw:
         return (Check("proof well-formed", False, 1.0, 0.0, flaw),)
@@ -98,11 +96,6 @@ def _flaw(problem: Problem, evidence: Evidence) -> str:
     return ""
 
 
-def searched_limits(problem: Problem) -> Array:
-    """Return the limits of a problem, (k, 2), narrowed where what lies beyond will not do or repeats other motions."""
-    return Examiner(problem, None).limits
-
-
 # ---------------------------------------------------------------------------------------------------------------- cover
 
 
@@ -116,11 +109,9 @@ def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
 
 
 def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
-    """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do.
-
-    The indicator of a box is a sum over its corners, with alternating signs, of indicators of quadrants; those are
-    independent, so boxes cancel but for borders if and only if their corners do. No arithmetic is done on coordinates.
-    """
+    """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do."""
+    # the indicator of a box is a sum over its corners, with alternating signs, of indicators of quadrants; those are
+    # independent, so boxes cancel but for borders if and only if their corners do. No arithmetic is done on coordinates
     n, m = low.shape
     corners = np.array(list(product((0, 1), repeat=m)), dtype=np.int64).reshape(2**m, m)
     signs = (counts[:, None] * (1 - 2 * (corners.sum(axis=1) & 1))[None]).ravel()
@@ -161,14 +152,11 @@ class Obstacle:
 
 @dataclass(frozen=True, eq=False)
 class TrackedCrossing:
-    """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them.
-
-    Where a vertex touches an edge, `beside` are the normals of the faces beside the edge, else empty.
-    """
+    """What the tracked scale pair follows from: `kinds` and `given` numbers, as `conditions.crossing` takes them."""
 
     kinds: tuple[int, ...]
     given: list[Interval]
-    beside: Array
+    beside: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
 
 
 class Examiner:
@@ -200,11 +188,9 @@ class Examiner:
 
     @cached_property
     def crossing(self) -> TrackedCrossing | None:
-        """What the tracked scale pair follows from; None for one line.
-
-        Two features of a part pair that share an edge of one part and a vertex of the other meet where this vertex
-        lies on the line of this edge; so they do in passing, where their own lines coincide.
-        """
+        """What the tracked scale pair follows from; None for one line."""
+        # two features of a part pair that share an edge of one part and a vertex of the other meet where this vertex
+        # lies on the line of this edge; so they do in passing, where their own lines coincide
         features, count = self.features
         if count != 2:
             return None
@@ -243,13 +229,11 @@ class Examiner:
 
     @cached_property
     def limits(self) -> Array:
-        """The limits, narrowed where what lies beyond will not do or repeats smaller motions.
-
-        Zero for parameters that tilt a flush contact which must stay so on the way. Goals that ask for poses alone are
-        met by a turn q of a step that repeats itself if they are by q - 2 pi, which is smaller for q > pi: nothing need
-        be beyond pi, nor, where the other limit keeps q - 2 pi out, beyond a whole turn from it. And where the seed
-        only shifts, parts do not touch further out than the seeds' distance and both reaches.
-        """
+        """The limits, narrowed where what lies beyond will not do or repeats smaller motions."""
+        # zero for parameters that tilt a flush contact which must stay so on the way. Goals that ask for poses alone
+        # are met by a turn q of a step that repeats itself if they are by q - 2 pi, which is smaller for q > pi:
+        # nothing need be beyond pi, nor, where the other limit keeps q - 2 pi out, beyond a whole turn from it. And
+        # where the seed only shifts, parts do not touch further out than the seeds' distance and both reaches
         problem = self.problem
         limits = np.array(problem.limits)
         around = (limits[:, 0] <= 0) & (limits[:, 1] >= 0)
@@ -464,10 +448,8 @@ class Examiner:
                     yield here, _flat(np.maximum(low, -high), len(here))
 
     def _off_edge(self, poses: Poses, crossing: TrackedCrossing) -> Array:
-        """Return a margin by which the vertex that touches an edge is off its line at the target pair.
-
-        Across the edge, along the normal of a face beside it or what is near that and at right angles.
-        """
+        """Return a margin by which the vertex that touches an edge is off its line at the target pair."""
+        # across the edge, along the normal of a face beside it or what is near that and at right angles
         u, x, y = (Interval.stacked(crossing.given[2 + 3 * k : 5 + 3 * k], ()) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
@@ -682,11 +664,9 @@ def _extremes(
 
 
 def face_planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]]:
-    """Return directions, and their numbers with levels, below all of which all is inside a part with these vertices.
-
-    The level of a face is that of its lowest vertex: a point beyond the part is seen from inside it through some hull
-    facet, whose vertices are among those of one face, and lies higher than they do.
-    """
+    """Return directions, and their numbers with levels, below all of which all is inside a part with these vertices."""
+    # the level of a face is that of its lowest vertex: a point beyond the part is seen from inside it through some hull
+    # facet, whose vertices are among those of one face, and lies higher than they do
     normals = np.asarray(part.normals)
     levels = []
     for loop, n in zip(part.loops, normals, strict=True):

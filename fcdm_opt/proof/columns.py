@@ -87,13 +87,10 @@ class Columns:
 
 @dataclass(eq=False)
 class Record:
-    """The excluded cells, collected on the way: faces, ends, reasons, how many witness rows each has, and these.
-
-    `open` are amounts of cells that were passed, not excluded.
-    """
+    """The excluded cells, collected on the way: faces, ends, reasons, how many witness rows each has, and these."""
 
     cells: list[tuple[Any, ...]] = field(default_factory=list)
-    open: list[float] = field(default_factory=list)
+    open: list[float] = field(default_factory=list)  # amounts of cells that were passed, not excluded
 
     def add(self, cells: Pieces, rows: Ints, codes: Ints, witness: Array) -> None:
         """Keep some of the cells, with as many witness rows as their reason has."""
@@ -123,14 +120,10 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """What branch and bound found.
+    """What branch and bound found."""
 
-    No motion of an amount below `lower_bound` does, and none at all where that is infinite; `q` is one better than
-    that known before, if one came up.
-    """
-
-    lower_bound: float
-    q: Array | None
+    lower_bound: float  # no motion of an amount below it does, and none at all where that is infinite
+    q: Array | None  # one better than that known before, if one came up
     evidence: Evidence
 
 

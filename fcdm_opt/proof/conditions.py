@@ -46,10 +46,8 @@ def separation(kind: int) -> Expression:
 
 @cache
 def distance(body: int) -> Expression:
-    """Given (u, x, y, s, 1 / 2 s): (|v|^2 - (u . v)^2 - s^2) / 2 s, v from the axis u of a body to a point.
-
-    0 where a point of one body is at a distance s from an axis of the other, or, with u = 0, from a point.
-    """
+    """Given (u, x, y, s, 1 / 2 s): (|v|^2 - (u . v)^2 - s^2) / 2 s, v from the axis u of a body to a point."""
+    # 0 where a point of one body is at a distance s from an axis of the other, or, with u = 0, from a point
 
     def build(R: Any, d: Any, p: Any) -> Any:
         import casadi

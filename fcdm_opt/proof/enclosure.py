@@ -159,10 +159,8 @@ class Enclosure:
             return self._function(1.0 / x, -1.0 / (x * x), np.where(least > 0, 2.0 / least**3, np.inf))
 
     def sinc(self) -> Enclosure:
-        """Return sin(r) / r of f = r r: cos(s r) averaged over 0 <= s <= 1, so |second derivative| <= 1/60 for f >= 0.
-
-        Its series 1 - f/6 + f f/120 - ... has a second derivative below 1/50 down to f = -1.
-        """
+        """Return sin(r) / r of f = r r: cos(s r) averaged over 0 <= s <= 1, so |2nd derivative| <= 1/60 for f >= 0."""
+        # its series 1 - f/6 + f f/120 - ... has a second derivative below 1/50 down to f = -1
         return self._series(_sinc, 1.0 / 50.0)
 
     def versine(self) -> Enclosure:

@@ -50,10 +50,8 @@ def _pack(solids: Sequence[Solid]) -> Packed:
 
 
 def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
-    """Return a polytope within what is nearer to a part than a length: its faces, edges and corners moved out by that.
-
-    Its vertices are where they are `placed`, (n, 3).
-    """
+    """Return a polytope within what is nearer to a part than a length: faces, edges and corners moved out by that."""
+    # its vertices are where they are `placed`, (n, 3)
     middles = np.zeros_like(placed)
     for loop, normal in zip(part.loops, part.normals, strict=True):
         middles[list(loop)] += normal
@@ -111,11 +109,9 @@ class Exclusion:
 
     @cached_property
     def lines(self) -> Array:
-        """Features whose contact lines meet where those of the tracked ones do.
-
-        Where a vertex of one part touches an edge of the other, the planes of both faces beside that edge will do. They
-        do not turn into one another, as a face and an edge pair do in passing when the contact turns flush.
-        """
+        """Features whose contact lines meet where those of the tracked ones do."""
+        # where a vertex of one part touches an edge of the other, the planes of both faces beside that edge will do.
+        # They do not turn into one another, as a face and an edge pair do in passing when the contact turns flush
         task = self.task
         if len(task.tracked) != 2 or task.tracked[0].parts != task.tracked[1].parts:
             return self.features
@@ -180,13 +176,11 @@ class Exclusion:
 
     @cached_property
     def domain(self) -> Array:
-        """Limits of the parameters, (k, 2), and where further motions repeat others or lead out of reach.
-
-        For goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one, where the limits have
-        that one, and the amount is no larger. Where the seed only
-        shifts, by t, the target pair is apart once |t| exceeds the way between the seeds and both reaches.
-        Nor is anything wanted that displaces a vertex by more than `upper`, where the amount is the displacement.
-        """
+        """Limits of the parameters, (k, 2), and where further motions repeat others or lead out of reach."""
+        # for goals that ask for poses alone: a turn beyond half a revolution repeats a smaller one, where the limits
+        # have that one, and the amount is no larger. Where the seed only shifts, by t, the target pair is apart once
+        # |t| exceeds the way between the seeds and both reaches. Nor is anything wanted that displaces a vertex by more
+        # than `upper`, where the amount is the displacement
         task = self.task
         limits = np.array(task.limits)
         if task.amount_kind == "displacement" and np.isfinite(self.upper):
@@ -217,12 +211,10 @@ class Exclusion:
         return AmountOfPieces(self.task.amount_kind.function, self.task.weights)
 
     def _displaced(self) -> Array:
-        """Return how far each parameter may be from zero for no vertex to be displaced by more than `upper`, (k,).
-
-        A turn by q about a line displaces the one end of a vector against the other by 2 |sin(q / 2)| times what of it
-        is across the line, which is twice `upper` at most; turns beyond half a revolution repeat smaller ones where
-        that is all that is asked. What a step shifts is displacement besides, of the vertex nearest to the line.
-        """
+        """Return how far each parameter may be from zero for no vertex to be displaced by more than `upper`, (k,)."""
+        # a turn by q about a line displaces the one end of a vector against the other by 2 |sin(q / 2)| times what of
+        # it is across the line, which is twice `upper` at most; turns beyond half a revolution repeat smaller ones
+        # where that is all that is asked. What a step shifts is displacement besides, of the vertex nearest to the line
         task, upper = self.task, self.upper
         steps, count = task.motion.steps, len(task.weights)
         points, far = task.made_vertices, np.full(count, np.inf)
@@ -281,11 +273,9 @@ class Exclusion:
         return np.asarray(np.maximum(low.max(axis=1), 0.0))
 
     def reasons(self, cells: Pieces, enough: float = np.inf, tries: int = 1) -> tuple[Ints, Array]:
-        """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16).
-
-        Motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one. Of each
-        `tries` cells in a row the first that is excluded is enough, unless another closes its column.
-        """
+        """Return why each cell is excluded, as far as one test tells, (n,), and its witness rows, (n, r, 16)."""
+        # motions of an amount of at least `enough` are not wanted either, unless the amount is the weighted one. Of
+        # each `tries` cells in a row the first that is excluded is enough, unless another closes its column
         count = len(cells.faces)
         codes, witness = np.zeros(count, dtype=np.int64), np.zeros((count, self.rows, WITNESS))
         self._outside(cells, codes, witness[:, 0])

@@ -30,14 +30,11 @@ OPTIONS = {"cse": True}
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Cells, or pieces of them: `rows`, (n,), tells of which cell each is.
+    """Cells, or pieces of them."""
 
-    `low` and `high`, (n, k), are the ends of s, then of the box coordinates; `faces`, (n,), those of the cube.
-    """
-
-    rows: Ints
-    faces: Ints
-    low: Array
+    rows: Ints  # of which cell each is, (n,)
+    faces: Ints  # those of the cube, (n,)
+    low: Array  # the ends of s, then of the box coordinates, (n, k)
     high: Array
 
     @classmethod
@@ -177,17 +174,13 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """The poses of pieces: at their centres and over them, twelve numbers (n, 1) each, and how they change.
-
-    `change`, (n, 12, k), are slopes over the piece by s and the box coordinates, times the half widths. `jumps`,
-    (n, 1), tells where the motion may not be continuous.
-    """
+    """The poses of pieces: at their centres and over them, twelve numbers (n, 1) each, and how they change."""
 
     pieces: Pieces
     centre: list[Interval]
     over: list[Interval]
-    change: Interval
-    jumps: Bools
+    change: Interval  # slopes over the piece by s and the box coordinates, times the half widths, (n, 12, k)
+    jumps: Bools  # where the motion may not be continuous, (n, 1)
 
     def __getitem__(self, rows: Ints) -> Poses:
         if len(rows) == len(self.pieces.rows):

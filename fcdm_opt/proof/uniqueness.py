@@ -36,11 +36,9 @@ Problems = Sequence[Problem]
 
 
 def widest_unique(problems: Problems, q: Array) -> float:
-    """Return the half width of the widest box tried about no motion in which no other motion restores the contacts.
-
-    Of problems with `contacts`, and the same parameters, weights and limits, which q restores. Boxes are of weights *
-    q, and all hold it; 0 where none is proved.
-    """
+    """Return the half width of the widest box tried about no motion in which no other motion restores the contacts."""
+    # of problems with `contacts`, and the same parameters, weights and limits, which q restores. Boxes are of weights *
+    # q, and all hold it; 0 where none is proved
     largest = float(np.abs(problems[0].weights * q).max())
     tried = max(largest, DEFAULT.least_unit * _size(problems)) * np.array(TRIED)
     return float(tried[unique(problems, q, tried)].max(initial=0.0))
@@ -48,10 +46,8 @@ def widest_unique(problems: Problems, q: Array) -> float:
 
 @np.errstate(all="ignore")  # what has no bound is infinite or nan, and passes no comparison
 def unique(problems: Problems, q: Array, half: Array) -> Array:
-    """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts.
-
-    Limits narrow them only where they hold a parameter.
-    """
+    """Tell for boxes |weights * q| <= half, (n,), whether at most one motion within restores the contacts."""
+    # limits narrow them only where they hold a parameter
     weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving = low < high
     count, still = int(moving.sum()), np.where(moving, 0.0, low * weights)
@@ -75,10 +71,8 @@ def unique(problems: Problems, q: Array, half: Array) -> Array:
 
 
 def least_amount(problems: Problems, tried: Array) -> float:
-    """Return the largest of some weighted amounts below which no motion restores the contacts; 0 where none is proved.
-
-    They rise: what is proved of one holds of those before it.
-    """
+    """Return the largest of some weighted amounts below which no motion restores the contacts; 0: none is proved."""
+    # they rise: what is proved of one holds of those before it
     first, last = 0, len(tried)
     while first < last:
         middle = last - 1 if last == len(tried) else (first + last) // 2  # the largest first: nearly always it does
@@ -88,13 +82,11 @@ def least_amount(problems: Problems, tried: Array) -> float:
 
 @np.errstate(all="ignore")
 def _none_below(problems: Problems, amount: float) -> bool:
-    """Tell whether no motion of a smaller weighted amount restores the contacts: boxes of them are narrowed to nothing.
-
-    About the centre c of a box the equations F ask for F(c) + J (y - c) = 0, J somewhere in it. With multipliers l and
-    w = l . J(c) that is w . y = w . c - l . F(c) - (l . J - w) . (y - c), so that y is at least some way d along w; and
-    where it is no longer than a, in a ball of the radius sqrt(a^2 - d^2) about that place. Multipliers are those that
-    balance the least y, and those of what no y changes, where equations disagree.
-    """
+    """Tell whether no motion of smaller weighted amount restores the contacts: boxes of them narrow to nothing."""
+    # about the centre c of a box the equations F ask for F(c) + J (y - c) = 0, J somewhere in it. With multipliers l
+    # and w = l . J(c) that is w . y = w . c - l . F(c) - (l . J - w) . (y - c), so that y is at least some way d along
+    # w; and where it is no longer than a, in a ball of the radius sqrt(a^2 - d^2) about that place. Multipliers are
+    # those that balance the least y, and those of what no y changes, where equations disagree
     weights, (low, high) = problems[0].weights, problems[0].limits.T
     moving, equations = low < high, _Equations(problems)
     if low[~moving].any() or not equations.count or not moving.any():
@@ -147,11 +139,9 @@ def _none_below(problems: Problems, amount: float) -> bool:
 
 @np.errstate(all="ignore")
 def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] | None:
-    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it.
-
-    Boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
-    do not do.
-    """
+    """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it."""
+    # boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
+    # do not do
     if not (np.isfinite(low) & np.isfinite(high)).all():
         return None
     equations, left, shown, count = _Equations((problem,)), np.array([[low, high]]), list[Array](), 0
@@ -183,10 +173,8 @@ def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] |
 
 
 def equations_at(problems: Problems, y: Array) -> tuple[Array, Array]:
-    """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k).
-
-    In floats, to choose by: neither is an enclosure.
-    """
+    """Return the values of the contacts' equations at weighted parameters, (m,), and their derivatives, (m, k)."""
+    # in floats, to choose by: neither is an enclosure
     limits = problems[0].limits
     moving, equations, step = limits[:, 0] < limits[:, 1], _Equations(problems), 1e-9 * _size(problems)
     values = equations.centred(Boxes.between(y[None], y[None])).middle[0]

@@ -129,10 +129,8 @@ class ExactCurve:
         return [piece for chain in self.chains for piece in chain.pieces]
 
     def side(self, rho: Sequence[Number]) -> int:
-        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap, at a positive scale pair.
-
-        That is of floats as they are, or of rationals.
-        """
+        """Return 1 where the parts are apart, 0 where they touch, -1 where they overlap, at a positive scale pair."""
+        # that is of floats as they are, or of rationals
         point = scale_pair(rho)
         if self.status == "empty":
             return int(self.widest(point)[0] < 0)
@@ -142,10 +140,8 @@ class ExactCurve:
         return (widest > 0) - (widest < 0)
 
     def separation(self, rho: Sequence[Number]) -> float:
-        """Return the largest separation along the curve's own lines, in lengths, rounded once.
-
-        Its sign is right: positive apart, 0 touching, negative overlapping. -inf where there is no line.
-        """
+        """Return the largest separation along the curve's own lines, in lengths, rounded once."""
+        # its sign is right: positive apart, 0 touching, negative overlapping. -inf where there is no line
         point = scale_pair(rho)
         if self.status != "empty":
             values = [over_length(piece.separation(point), piece._length) for piece in self.pieces]

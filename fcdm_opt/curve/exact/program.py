@@ -241,10 +241,8 @@ class Basis:
         return tuple([p * a + q * b + r * c + s * d for p, q, r, s in self.rows])
 
     def leaving(self, y: Vector, places: int = 4) -> int | None:
-        """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None if there is none.
-
-        `y`, (4,), are the `products` of the entering column. The first `places` weights may leave.
-        """
+        """Return the place of the weight that reaches 0 first; ties by the lexicographic rule, None for no place."""
+        # `y`, (4,), are the `products` of the entering column. The first `places` weights may leave
         best = None
         for i in range(places):
             if not y[i] > 0:
@@ -316,12 +314,10 @@ class Start:
 
 
 def phase_one(program: Program) -> Start:
-    """Return a basis with non-negative weights, and whether there is an excluding direction.
-
-    The artificial column A = -(c_1 + c_2 + c_3) of three independent columns makes a first basis. Its weight is brought
-    down: at 0 the other weights are a solution, and below 0 there is no excluding direction n, as n.c <= 0 for all
-    columns leaves n.A > 0. So A stays in the basis with a weight of either sign, until that is settled.
-    """
+    """Return a basis with non-negative weights, and whether there is an excluding direction."""
+    # the artificial column A = -(c_1 + c_2 + c_3) of three independent columns makes a first basis. Its weight is
+    # brought down: at 0 the other weights are a solution, and below 0 there is no excluding direction n, as n.c <= 0
+    # for all columns leaves n.A > 0. So A stays in the basis with a weight of either sign, until that is settled
     basis, feasible = _artificial(program), None
     while True:
         row = basis.rows[3]
