@@ -50,20 +50,11 @@ TOUCHES = 1_000  # instants of touching on one side, at most
 
 @dataclass(frozen=True)
 class Touch(Plain):
-    """An instant at which the pair touches.
-
-    Attributes
-    ----------
-    x : float
-    features : tuple of Feature
-        What touches.
-    grazing : bool
-        Whether the state is the same on both sides.
-    """
+    """An instant at which the pair touches."""
 
     x: float
-    features: tuple[Feature, ...]
-    grazing: bool
+    features: tuple[Feature, ...]  # what touches
+    grazing: bool  # whether the state is the same on both sides
 
 
 @dataclass(frozen=True)

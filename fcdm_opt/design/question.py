@@ -168,23 +168,14 @@ def _built(text: str, role: str) -> Body:
 
 @dataclass(frozen=True, eq=False)
 class SceneTables:
-    """The bodies of a question, and all that its cases share, as plain tables.
+    """The bodies of a question, and all that its cases share, as plain tables."""
 
-    Attributes
-    ----------
-    tables : dict of str to BodyTable
-        By their places: bodies.movable and bodies.static, or part.NAME of each part; keep_out[1] and on.
-    sizes : tuple of mappings
-        The [[size]] tables.
-    assembled : mapping
-        Of an assembly "part": name -> what it has besides a body, and "contact": the [[contact]] tables; else empty.
-    latest : list
-        The curve of the last problem asked about it, which the next one finds as long as it is kept; or empty.
-    """
-
+    # by their places: bodies.movable and bodies.static, or part.NAME of each part; keep_out[1] and on
     tables: Mapping[str, BodyTable]
-    sizes: tuple[Mapping[str, Any], ...] = ()
+    sizes: tuple[Mapping[str, Any], ...] = ()  # the [[size]] tables
+    # of an assembly "part": name -> what it has besides a body, and "contact": the [[contact]] tables; else empty
     assembled: Mapping[str, Any] = field(default_factory=dict)
+    # the curve of the last problem asked about it, which the next one finds as long as it is kept; or empty
     latest: list[DecisionCurve] = field(default_factory=list, init=False, repr=False)
 
     @classmethod

@@ -28,19 +28,11 @@ MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 @dataclass(frozen=True, eq=False)
 class Sizes(Plain):
-    """All size pairs of a box, or those of a list.
+    """All size pairs of a box, or those of a list."""
 
-    Attributes
-    ----------
-    box : (2, 2) array
-        (low, high) of rho_1 and of rho_2; that of the list where there is one.
-    pairs : (n, 2) array or None
-        The list.
-    """
-
-    box: Array
+    box: Array  # (low, high) of rho_1 and of rho_2, (2, 2); that of the list where there is one
     _: KW_ONLY
-    pairs: Array | None = None
+    pairs: Array | None = None  # the list, (n, 2)
 
     @classmethod
     def of(cls, sizes: Any) -> Sizes:

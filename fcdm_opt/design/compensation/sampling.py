@@ -38,22 +38,14 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, order=True)
 class ActiveSet:
-    """What holds a motion: sizes that share it make a region of the map.
+    """What holds a motion: sizes that share it make a region of the map."""
 
-    Attributes
-    ----------
-    kind : str
-        "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was
-        cut off before it told which of the others holds.
-    features : tuple of str
-        Labels of the features that are in contact after the motion, or as near as they may be.
-    active : tuple of str
-        Limits that are reached, and what else holds the motion besides the features.
-    """
-
+    # "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was cut
+    # off before it told which of the others holds
     kind: str
+    # labels of the features that are in contact after the motion, or as near as they may be
     features: tuple[str, ...] = ()
-    active: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()  # limits that are reached, and what else holds the motion besides the features
 
     def __str__(self) -> str:
         return "; ".join((*self.features, *self.active)) or self.kind

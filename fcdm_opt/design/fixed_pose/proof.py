@@ -33,28 +33,16 @@ ROUNDS = 1.0 + 2.0**-40  # of sums of floats, relative
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseEvidence(Plain):
-    """Cells of poses and why each holds no better pose.
+    """Cells of poses and why each holds no better pose."""
 
-    Attributes
-    ----------
-    boxes : (m, 2, k) array
-        Lower and upper ends of the parameters; together they fill a box.
-    first : (m + 1,) ints
-        Where the witnesses of each cell begin; one without any is left out for its amount.
-    kinds, shares, parts, sizes : (w,), (w,), (w, 2), (w, 2) arrays
-        See `cells.Witnesses`.
-    way_first, ways : (w + 1,) ints, (d, 3) array
-        Directions of each witness.
-    """
-
-    boxes: Array
-    first: Ints
-    kinds: Ints
+    boxes: Array  # lower and upper ends of the parameters, (m, 2, k); together they fill a box
+    first: Ints  # where the witnesses of each cell begin, (m + 1,); one without any is left out for its amount
+    kinds: Ints  # of the w witnesses, as are `shares`, `parts`, (w, 2), and `sizes`, (w, 2): see `cells.Witnesses`
     shares: Array
     parts: Ints
     sizes: Array
-    way_first: Ints
-    ways: Array
+    way_first: Ints  # where the directions of each witness begin, (w + 1,)
+    ways: Array  # these directions, (d, 3)
 
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:

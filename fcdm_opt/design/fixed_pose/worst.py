@@ -50,27 +50,17 @@ class Worst:
     """The worst gap of a problem's bodies over all sizes: off(q) = max(most(q) - high, low - least(q)).
 
     With the window [0, 0] it is the largest |gap|; its ends are infinite where it is open.
-
-    Attributes
-    ----------
-    solid : Body or None
-        The other body, where only its surface is known: a pose inside of it is none.
-    limits : (k, 2) array
-        Of the parameters; default the problem's.
-    active : (m, s) array
-        Sizes that were extreme at a pose looked at: a list that grows.
-    keep_out : tuple of Worst
-        Of the movable body and each keep-out, whose window is the clearance and more.
     """
 
     problem: Problem
     scene: BodyGaps
     low: float = 0.0
     high: float = 0.0
-    limits: Array = field(default_factory=lambda: np.empty((0, 2)))
+    limits: Array = field(default_factory=lambda: np.empty((0, 2)))  # of the parameters, (k, 2); default the problem's
+    # sizes that were extreme at a pose looked at, (m, s): a list that grows
     active: Array = field(default_factory=lambda: np.empty((0, 0)))
-    keep_out: tuple[Worst, ...] = ()
-    solid: Body | None = None
+    keep_out: tuple[Worst, ...] = ()  # of the movable body and each keep-out, whose window is the clearance and more
+    solid: Body | None = None  # the other body, where only its surface is known: a pose inside of it is none
     is_program: ClassVar[bool] = False  # whether a linear program tells the best pose
 
     def __post_init__(self) -> None:

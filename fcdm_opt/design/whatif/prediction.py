@@ -27,22 +27,14 @@ DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resoluti
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(Plain):
-    """What the derivatives of a solved problem predict.
+    """What the derivatives of a solved problem predict."""
 
-    Attributes
-    ----------
-    amount : float
-        That of the motion which the derivatives of the motion predict, where sizes alone are changed and these are
-        known; else the amount before plus all `terms`. Length units; nan where one of them is.
-    terms : dict
-        What was changed -> what it adds to the amount, to first order; nan where there is no derivative by it.
-    reasons : tuple of str
-        Why a term is nan, or why the prediction may hold for smaller changes only.
-    """
-
+    # that of the motion which the derivatives of the motion predict, where sizes alone are changed and these are known;
+    # else the amount before plus all `terms`. Length units; nan where one of them is
     amount: float
+    # what was changed -> what it adds to the amount, to first order; nan where there is no derivative by it
     terms: Mapping[str, float] = field(default_factory=dict)
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()  # why a term is nan, or why the prediction may hold for smaller changes only
 
 
 BY_SIZE, IN_WORDS = ("scales", "made"), ("name", "unit")  # arguments of an assembly: with derivatives, and only shown
