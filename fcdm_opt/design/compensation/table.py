@@ -142,7 +142,7 @@ class Table(Plain):
     # amount (length units), then the parameters (lengths, radians), at the corners and the midpoints of edges 12, 23,
     # ..., then 13, 24, ..., (m, n, 1 + p); nan where there is no motion
     values: Array
-    # bounds of the error of the amount and of the motion, length units, see `MapPoints`, (m, 2); nan where none is known
+    # bounds of the error of amount and motion, in length units, see `MapPoints`, (m, 2); nan where none is known
     errors: Array
     regions: Ints  # number of the region that each simplex is part of, from 0, (m,)
     names: tuple[str, ...]  # of the p parameters

@@ -47,7 +47,7 @@ SHARES = 8  # of the deviation from nominal that are tried before the largest th
 
 @dataclass(frozen=True, kw_only=True)
 class Clash(Plain):
-    """A set of constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one."""
+    """Constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one."""
 
     # as `constraints` names them; a keep-out's clearance includes the keep-out. Empty: the motion cannot do it at all
     names: tuple[str, ...]
