@@ -123,10 +123,8 @@ def touch_on_true_faces(problem: Problem) -> bool:
 
 
 def _together(problem: Problem) -> tuple[Followed, ...]:
-    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two.
-
-    Of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair.
-    """
+    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two."""
+    # of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair
     seats, found = problem.nominal_seats, list[tuple[Feature, bool, Parts, Flush | None, Site, Array]]()
     for joint in problem.chosen_joints:
         own = [seat for seat in seats if joint.feature in (seat.feature, seat.touching)]

@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 
 
 class Coordinate(NamedTuple):
-    """A parameter of the motions: of two parts by its name, of several as "part.parameter".
+    """A parameter of the motions: of two parts by its name, of several as "part.parameter"."""
 
-    `weight` is in amount per length unit or radian, `limits` are length units or radians, infinite where none is given.
-    """
-
+    # `weight` is in amount per length unit or radian, `limits` are length units or radians, infinite where none is
+    # given
     name: str
     kind: Kind
     weight: float

@@ -324,10 +324,8 @@ def _most(task: Task, effort: float, share: float = 1.0, swollen: bool = False) 
 
 
 def near(task: Task, q: Array) -> Answer | None:
-    """Return the least motion that a local search from a motion finds.
-
-    It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
-    """
+    """Return the least motion that a local search from a motion finds."""
+    # it is to beat motions that meet the requirement exactly, so what it gains may not come from the slack
     if separating_directions.suits(task):
         for share in NEAR:
             radius = share * max(task.amount(q), DEFAULT.least_unit * task.unit)

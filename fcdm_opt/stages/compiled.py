@@ -312,10 +312,8 @@ def _tracked(scene, flat, s, lines, rho):
 
 @kernel
 def evaluate(scene, rows, count, only, z, g, G):
-    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist.
-
-    Rows of features say that level + n . (d - x R v + y w) is not negative, n being the feature's direction.
-    """
+    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist."""
+    # rows of features say that level + n . (d - x R v + y w) is not negative, n being the feature's direction
     motion, parts1, parts2, _, _, pairs, _ = scene
     ints, reals = rows
     k, target = len(z), pairs[1]
@@ -747,10 +745,8 @@ def _highest(part, n):
 
 @kernel
 def _others(scene, lines, flat, x, y, s, faults, count):
-    """Note other part pairs that overlap, and tracked ones that are apart.
-
-    The latter not where the contact has moved over a seam in the same plane.
-    """
+    """Note other part pairs that overlap, and tracked ones that are apart."""
+    # the latter not where the contact has moved over a seam in the same plane
     _, parts1, parts2, tracked, _, _, path = scene
     pose, slack = flat[:12].copy(), path[4]
     flats, known = np.empty((64, 3)), 0

@@ -60,11 +60,9 @@ class MeshEdge:
 
 @dataclass(eq=False)
 class Simplex:
-    """A vertex more than there are sizes; what holds it, values at its nodes and errors once it is finished.
+    """A vertex more than there are sizes; what holds it, values at its nodes and errors once it is finished."""
 
-    One in which regions meet has the values of its centre.
-    """
-
+    # one in which regions meet has the values of its centre
     corners: tuple[int, ...]
     held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
@@ -85,12 +83,9 @@ class Simplex:
 
 
 class SizeMesh:
-    """The simplices, how they are split, and what becomes of them in the map.
+    """The simplices, how they are split, and what becomes of them in the map."""
 
-    It begins with a grid of vertices, the first size fastest, `count` along each. `edges` holds those that have been
-    looked at.
-    """
-
+    # it begins with a grid of vertices, the first size fastest, `count` along each; `edges` are those looked at
     def __init__(self, vertices: Sequence[MeshVertex], count: int) -> None:
         self.vertices: list[MeshVertex] = []
         for vertex in vertices:

@@ -281,10 +281,7 @@ class Locator:
         return np.array([1.0 - sum(others), *others])
 
     def locate(self, points: Array) -> tuple[Ints, Array]:
-        """Return the first simplex that holds each point, (k, n), and barycentric coordinates there, (k + 1, n).
-
-        -1 and nan for what is in no simplex.
-        """
+        """Return the first simplex of each point, (k, n), and barycentric coordinates, (k + 1, n); -1, nan without."""
         (sizes, count), low, high = points.shape, self._low[:, None], self._high[:, None]
         within = (points >= low - self.rounding) & (points <= high + self.rounding)  # nan is not
         inside = np.flatnonzero(within.all(axis=0))

@@ -70,10 +70,8 @@ def _level(rows, k, sizes, shift):
 
 @kernel
 def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
-    """Return the signed distance of a part pair, and write the direction that has it; no less than `enough` is asked.
-
-    Of parts that are apart it is the length of the least vector on the inner side of all planes.
-    """
+    """Return a part pair's signed distance, and write the direction that has it; no less than `enough` is asked."""
+    # of parts that are apart it is the length of the least vector on the inner side of all planes
     best, widest = -_INF, start
     for k in range(start, end):
         level = _level(rows, k, sizes, shift)

@@ -343,10 +343,7 @@ BodyGaps = Scales | OwnSizes
 
 
 def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
-    """Return the bodies of a problem made exact at points of their round faces, for scales or, without, its own sizes.
-
-    None where no round face is known.
-    """
+    """Return bodies made exact at points of round faces, for scales or, without, own sizes; None if none is known."""
     if sizes is None:
         found = TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
     else:

@@ -349,10 +349,8 @@ class ClashSearch:
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
 
     def _nearest(self, constraint: Constraint, most: float) -> float:
-        """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least.
-
-        It passes the limit by least where rest keeps that: all motions are then beyond it.
-        """
+        """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least."""
+        # it passes the limit by least where rest keeps that: all motions are then beyond it
         if not constraint.kept_at_rest or isinstance(self.problem, Assembly):  # whose parts have one weight each
             return math.inf
         weights = {own.name: own.weight * LIGHT for own in self.problem.coordinates}
