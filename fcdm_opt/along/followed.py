@@ -167,7 +167,8 @@ def _is_flush(piece: Piece) -> bool:
 
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
-    here = [seat_of(piece, seats), *(seat for seat in seats if _in_plane(seat, piece, problem.nominal_pair))]
+    pair, aligned = problem.nominal_pair, [seat for seat in seats if seat.normal @ piece.normal > 1.0 - DEFAULT.nominal]
+    here = [seat_of(piece, seats), *(seat for seat in aligned if abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)]
     known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
     if known:
         seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
@@ -177,12 +178,6 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
     rests = [_rest(problem, parts, site, piece.normal, k) for parts, site in sites]
     return Followed(feature, False, tuple(rests))
-
-
-def _in_plane(seat: Flush, piece: Piece, pair: Array) -> bool:
-    """Tell whether a flush contact lies in the plane of a piece of the curve that leads through a scale pair."""
-    aligned = seat.normal @ piece.normal > 1.0 - DEFAULT.nominal
-    return bool(aligned and abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)
 
 
 def _place(parts: Sequence[ConvexPart], part: ConvexPart) -> int:

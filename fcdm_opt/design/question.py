@@ -263,8 +263,8 @@ class SceneTables:
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
         """Return the scene with a value at a place."""
-        # a place starts with bodies.movable, bodies.static, part.NAME or keep_out[k]; or with size[k] or size.NAME, and has
-        # a key then; or with contact[k]
+        # a place starts with bodies.movable, bodies.static, part.NAME or keep_out[k]; or with size[k] or size.NAME, and
+        # has a key then; or with contact[k]
         if place[0] == "size":
             return SceneTables(self.tables, self._other_sizes(place, value), self.assembled)
         table = written(place[:2])

@@ -162,7 +162,9 @@ class _PoseExaminer:
         margin = self._value(row, self._poses(low[None], high[None])[0]) - asked
         if margin >= -slack or not left:
             return margin
-        axis, least = self._bent(high - low), np.inf
+        lengths = (high - low) * self.worst.problem.weights
+        turns = self.worst.problem.motion.turning  # to which the mean value form loses what it loses
+        axis, least = int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths)), np.inf
         upper, lower = low.copy(), high.copy()
         upper[axis] = lower[axis] = 0.5 * low[axis] + 0.5 * high[axis]
         for a, b in ((low, lower), (upper, high)):
@@ -170,12 +172,6 @@ class _PoseExaminer:
             if least < -slack:
                 break
         return least
-
-    def _bent(self, width: Array) -> int:
-        """Return the parameter across which to halve: what the mean value form loses, it loses to turns."""
-        lengths = width * self.worst.problem.weights
-        turns = self.worst.problem.motion.turning
-        return int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths))
 
     def _poses(self, low: Array, high: Array) -> Array:
         """Return centre, changes and error of each of the twelve numbers of poses over boxes, (n, 12, k + 2)."""
