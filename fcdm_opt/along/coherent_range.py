@@ -36,40 +36,22 @@ LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a trac
 
 @dataclass(frozen=True, eq=False)
 class Event(Plain):
-    """What ends a coherent range on one side.
-
-    Attributes
-    ----------
-    x : float
-        Where, in multiples of the direction; infinite for "unbounded".
-    kind : str
-        A key of `KINDS`.
-    features : tuple of Feature
-        The tracked features that are not the contact beyond; all of them where the tracked pair itself is lost.
-    what : str
-        In words: which vertex or edge is reached, or which part pair.
-    grazing : bool
-        Whether the condition only touches zero there: beyond, the features may be the contact again.
-    error : float
-        How far x may be off: rounding where features cross, more where they graze.
-    merged : tuple of Feature
-        What touches just there.
-    successors : tuple of Feature
-        What the contact is just beyond, where that is not a tracked feature.
-    """
+    """What ends a coherent range on one side."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "x", "kind", "what", "grazing", "error", "features", "merged", "successors",
     )  # fmt: skip
 
-    x: float
-    kind: str
+    x: float  # where, in multiples of the direction; infinite for "unbounded"
+    kind: str  # a key of `KINDS`
+    # the tracked features that are not the contact beyond; all of them where the tracked pair itself is lost
     features: tuple[Feature, ...] = ()
-    what: str = ""
+    what: str = ""  # in words: which vertex or edge is reached, or which part pair
+    # whether the condition only touches zero there: beyond, the features may be the contact again
     grazing: bool = False
-    error: float = 0.0
-    merged: tuple[Feature, ...] = ()
-    successors: tuple[Feature, ...] = ()
+    error: float = 0.0  # how far x may be off: rounding where features cross, more where they graze
+    merged: tuple[Feature, ...] = ()  # what touches just there
+    successors: tuple[Feature, ...] = ()  # what the contact is just beyond, where that is not a tracked feature
 
 
 class Ends:

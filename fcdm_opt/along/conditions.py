@@ -120,10 +120,8 @@ class Conditions(NamedTuple):
     def of(
         cls, form: int, k: int = 0, *, v: Any = 0.0, w: Any = 0.0, m: Any = 0.0, sign: float = 1.0, radii: Any = 0.0
     ) -> Conditions:
-        """Return conditions of one form; `v`, `w` and `m` are (n, 3) or (3,) arrays.
-
-        With `radii`, (n, 2), of what spheres about v and w are apart.
-        """
+        """Return conditions of one form; `v`, `w` and `m` are (n, 3) or (3,) arrays."""
+        # with `radii`, (n, 2), of what spheres about v and w are apart
         count = max(len(x) if np.ndim(x) == 2 else 1 for x in (v, w, m))
         rows = np.zeros((count, ROW))
         rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9], rows[:, 10:] = v, w, m, sign, radii
@@ -182,10 +180,8 @@ class RayStretch:
             return np.asarray(self._terms[1:3, 0] / self._terms[0, 0])
 
     def changes(self, to: float, one: float, two: float) -> float:
-        """Return how much (d + rho_2 w - rho_1 R v) / (rho_1 + rho_2) is off its value at x + `to` at most.
-
-        Of points |v| <= one and |w| <= two about the seeds; infinite where it has no bounds.
-        """
+        """Return how much (d + rho_2 w - rho_1 R v) / (rho_1 + rho_2) is off its value at x + `to` at most."""
+        # of points |v| <= one and |w| <= two about the seeds; infinite where it has no bounds
         names = ["DET d", "NUM2", "NUM1 R"]
         rows = [self._terms[_PLACES[name] : _PLACES[name] + _SIZES[name]] for name in names]
         scales = self._terms[_PLACES["NUM1"]] + self._terms[_PLACES["NUM2"]]

@@ -50,20 +50,11 @@ TOUCHES = 1_000  # instants of touching on one side, at most
 
 @dataclass(frozen=True)
 class Touch(Plain):
-    """An instant at which the pair touches.
-
-    Attributes
-    ----------
-    x : float
-    features : tuple of Feature
-        What touches.
-    grazing : bool
-        Whether the state is the same on both sides.
-    """
+    """An instant at which the pair touches."""
 
     x: float
-    features: tuple[Feature, ...]
-    grazing: bool
+    features: tuple[Feature, ...]  # what touches
+    grazing: bool  # whether the state is the same on both sides
 
 
 @dataclass(frozen=True)
@@ -441,10 +432,8 @@ class _OneWay:
         self.proved = self.proved and self._march.proved
 
     def _beyond(self, x: float) -> float:
-        """Return a little more than x, where it is clear which way a touch at x went, or the end.
-
-        Where parts lie on each other besides, and slide, it is clear at once: this contact does not tell.
-        """
+        """Return a little more than x, where it is clear which way a touch at x went, or the end."""
+        # where parts lie on each other besides, and slide, it is clear at once: this contact does not tell
         beyond, most = x + self._floor, min(x + SLIDING * self._march.unit, self._end)
         while beyond < most and abs(self._gap(beyond)) <= self._slack:
             beyond = x + WIDEN * (beyond - x)
@@ -532,10 +521,8 @@ class _OneWay:
         return max(slow, self._inside(here))
 
     def _inside(self, here: RayStretch) -> float:
-        """Return how far a vertex of either part surely stays inside the other, of the pair that overlaps deepest.
-
-        However shallow: bodies that slide along each other stay so.
-        """
+        """Return how far a vertex of either part surely stays inside the other, of the pair that overlaps deepest."""
+        # however shallow: bodies that slide along each other stay so
         i, j = self._deepest(here.x)[1]
         (one, two), rho = (body.parts[k] for body, k in zip(self._problem.active, (i, j), strict=True)), self._pair
         X, Y = one.vertices - one.seed, two.vertices - two.seed

@@ -20,11 +20,9 @@ _ATAN_BEND, _TANH_BEND = 0.65, 0.77  # the most that their second derivatives re
 
 
 class Expansion:
-    """A number along a ray, see above; where it is not defined, or unbounded on the span, one of four is not finite.
+    """A number along a ray, see above; where it is not defined, or unbounded on the span, one of four is not finite."""
 
-    All are symbols (SX), the span that of all that one calculation is made of.
-    """
-
+    # all are symbols (SX), the span that of all that one calculation is made of
     __slots__ = ("bend", "slope", "span", "terms", "value")
 
     def __init__(self, value: Any, slope: Any, bend: Any, terms: Any, span: Any) -> None:

@@ -123,10 +123,8 @@ def touch_on_true_faces(problem: Problem) -> bool:
 
 
 def _together(problem: Problem) -> tuple[Followed, ...]:
-    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two.
-
-    Of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair.
-    """
+    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two."""
+    # of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair
     seats, found = problem.nominal_seats, list[tuple[Feature, bool, Parts, Flush | None, Site, Array]]()
     for joint in problem.chosen_joints:
         own = [seat for seat in seats if joint.feature in (seat.feature, seat.touching)]
@@ -169,7 +167,8 @@ def _is_flush(piece: Piece) -> bool:
 
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
-    here = [seat_of(piece, seats), *(seat for seat in seats if _in_plane(seat, piece, problem.nominal_pair))]
+    pair, aligned = problem.nominal_pair, [seat for seat in seats if seat.normal @ piece.normal > 1.0 - DEFAULT.nominal]
+    here = [seat_of(piece, seats), *(seat for seat in aligned if abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)]
     known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
     if known:
         seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
@@ -179,12 +178,6 @@ def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) ->
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
     rests = [_rest(problem, parts, site, piece.normal, k) for parts, site in sites]
     return Followed(feature, False, tuple(rests))
-
-
-def _in_plane(seat: Flush, piece: Piece, pair: Array) -> bool:
-    """Tell whether a flush contact lies in the plane of a piece of the curve that leads through a scale pair."""
-    aligned = seat.normal @ piece.normal > 1.0 - DEFAULT.nominal
-    return bool(aligned and abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)
 
 
 def _place(parts: Sequence[ConvexPart], part: ConvexPart) -> int:

@@ -248,10 +248,8 @@ class Holding:
         return [*groups, closings] if closings else groups
 
     def near_features(self) -> list[tuple[Parts, Feature]]:
-        """Return the part pairs that are just as far apart as they must be, each with what of them meets there.
-
-        But for those that contacts say all of which are closed.
-        """
+        """Return the part pairs that are just as far apart as they must be, each with what of them meets there."""
+        # but for those that contacts say all of which are closed
         near = self._near_pairs(every=not self.task.joints or self.task.goal == FIT)
         return [
             (parts, self._of_true_faces(parts, facing) or self._met(parts, facing, DEFAULT.touch).feature)
@@ -259,10 +257,8 @@ class Holding:
         ]
 
     def _of_true_faces(self, parts: Parts, facing: Facing) -> Feature | None:
-        """Return the first facets of the true faces that meet, for parts that are exact at points: a point has no name.
-
-        None where it is not told which faces these are.
-        """
+        """Return the first facets of the true faces that meet, for parts exact at points: a point has no name."""
+        # None where it is not told which faces these are
         task, obstacle = self.task, self.task.obstacles[parts[1]]
         if obstacle.keep_out >= 0 or not (task.movable.exact or task.static.exact):
             return None

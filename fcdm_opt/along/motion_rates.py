@@ -22,7 +22,6 @@ from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved, round_
 from fcdm_opt.curve.contact import distinct, is_own
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
 from fcdm_opt.model.seats import independent
 from fcdm_opt.model.task import Task
@@ -264,7 +263,10 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         yield from _round(task, q, own, -1.0 if closes else 1.0, number if closes else -1)
     for number, (i, j) in enumerate(np.argwhere(near).tolist()):
         obstacle, one = task.obstacles[j], task.movable.parts[i]
-        other, place = (task.static, j) if obstacle.keep_out < 0 else _place(task, j)
+        other, place = task.static, j
+        if obstacle.keep_out >= 0:  # the body of a keep-out, and the place among its parts
+            other = task.keep_out[obstacle.keep_out].body
+            place -= next(k for k, own in enumerate(task.obstacles) if own.keep_out == obstacle.keep_out)
         sites, rows, separations = task.separations((i, j), task.pose(q))
         widest = float(separations.max())
         tight = np.flatnonzero(separations >= widest - slack).tolist()
@@ -335,13 +337,6 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int
     zeros = np.zeros(count), np.zeros((count, count)), np.zeros_like(mixed)
     for own in still[:, count:]:
         yield _Constraint(zeros[0], zeros[1], own, zeros[2], points, round=True)
-
-
-def _place(task: Task, j: int) -> tuple[Body, int]:
-    """Return the body of a keep-out that an obstacle is of, and the obstacle's place among its parts."""
-    keep_out = task.obstacles[j].keep_out
-    first = next(k for k, own in enumerate(task.obstacles) if own.keep_out == keep_out)
-    return task.keep_out[keep_out].body, j - first
 
 
 def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:

@@ -49,10 +49,7 @@ class RoundContact(NamedTuple):
 
 
 def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | None:
-    """Return where true faces, one of them round, touch after a motion; None where they do so at an edge.
-
-    None too where the parts are not made exact at points of round faces.
-    """
+    """Return where true faces, one round, touch after a motion; None at an edge, or of parts not exact at points."""
     if task.movable.exact is None and task.static.exact is None:
         return None
     transform, found = task.transform(q), dict[tuple[int, int, int], RoundContact]()

@@ -155,10 +155,8 @@ class Layout:
         return made
 
     def carry(self, data: Array, broken: Bools, term: Term, pull: Array) -> None:
-        """Add to a rate's `data` what moving the vertices and planes of a term's element does, and mark what is broken.
-
-        A displacement of the point, as drawn, is multiplied with `pull`, (3,).
-        """
+        """Add to a rate's `data` what moving a term's vertices and planes does, and mark what is broken."""
+        # a displacement of the point, as drawn, is multiplied with `pull`, (3,)
         vertices = data[self.vertices(term.body)].reshape(-1, 3)
         lost = broken[self.vertices(term.body)].reshape(-1, 3)
         rows = np.array(term.element.vertices) - 1

@@ -113,10 +113,8 @@ def solve_all(
 
 
 def case_rows(cases: Iterable[tuple[str, Bounded]]) -> list[dict[str, Any]]:
-    """Return a row for each named solution, all with the same columns; of an assembly parameters as PART.NAME.
-
-    The columns that one pair of bodies has are empty there.
-    """
+    """Return a row for each named solution, all with the same columns; of an assembly parameters as PART.NAME."""
+    # the columns that one pair of bodies has are empty there
     rows = []
     for name, solution in cases:
         row: dict[str, Any] = {"case": name, "status": solution.status.name, "unit": solution.question.unit}

@@ -279,10 +279,8 @@ def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:
 
 
 def by_contacts(scene: Scene, *, named: bool = True) -> str:
-    """Return why a question about all sizes looks at contacts as drawn, not at the gap of whole bodies; "" if not.
-
-    With `named` because it names them, too.
-    """
+    """Return why a question about all sizes looks at contacts as drawn, not at the gap of whole bodies; "" if not."""
+    # with `named` because it names them, too
     if not isinstance(scene, Problem):
         return "an assembly is of contacts"
     if named and (scene.contacts or scene.goal == FIT):
@@ -304,10 +302,8 @@ def columns_of(pair: tuple[str, str], relation: Problem, names: Sequence[str], *
 
 
 def _restoring(relation: Problem, *, own: bool, touching: bool = False) -> Problem:
-    """Return the question of two parts as drawn that restores all contacts they have, if it names none.
-
-    Where none of their facets touch, itself as drawn where their true faces are `touching`.
-    """
+    """Return the question of two parts as drawn that restores all contacts they have, if it names none."""
+    # where none of their facets touch, itself as drawn where their true faces are `touching`
     asked: dict[str, Any] = {"made": {}} if own and relation.sizes else {}
     if not relation.contacts:
         pair = relation.nominal_pair.tolist()
@@ -323,10 +319,8 @@ def _restoring(relation: Problem, *, own: bool, touching: bool = False) -> Probl
 
 
 def _round_lines(k: int, relation: Problem, *, own: bool) -> Iterator[_Line]:
-    """Yield the contacts of a relation as drawn with round faces; none of sizes that make something else of these.
-
-    Of a straight line of contact its middle, or where the motion turns its ends.
-    """
+    """Yield the contacts of a relation as drawn with round faces; none of sizes that make something else of these."""
+    # of a straight line of contact its middle, or where the motion turns its ends
     drawn = relation.request if own else vars(relation.of_facets)
     bodies, sizes = (drawn["movable"], drawn["static"]), relation.sizes if own else ()
     if any(body.is_surface for body in bodies) or any(size.scale not in (None, "xyz") for size in sizes):

@@ -192,31 +192,14 @@ Distribution = Uniform | Normal | Measured
 def read_columns(
     path: str | Path, columns: Sequence[str], nominals: Sequence[float] | None = None, *, deviations: bool = False
 ) -> Array:
-    """Read measured sizes from a CSV file.
+    """Read columns of measured sizes, by name, from a CSV file: an array (rows, columns) of numbers > 0.
 
     The file is text in UTF-8 with comma-separated columns and decimal points; its first line names the columns. Lines
-    with nothing in them are skipped, before it too.
+    with nothing in them are skipped, before it too. Each column is divided by its nominal, default 1; `deviations` of
+    sizes may be 0 and less.
 
-    Parameters
-    ----------
-    path : path
-    columns : sequence of str
-        Names of the columns to read.
-    nominals : sequence of float, optional
-        What each column is divided by. Default: 1.
-    deviations : bool
-        Whether numbers may be 0 and less, as deviations of sizes are.
-
-    Returns
-    -------
-    array (rows, columns)
-        Numbers > 0, or of deviations any.
-
-    Raises
-    ------
-    InputError
-        Naming file, row (the line of the file, the first is 1) and column: for a file that cannot be read, a column
-        that is not there or there twice, and for what is no number > 0: empty, text, nan, zero.
+    An `InputError` names file, row (the line of the file, the first is 1) and column: for a file that cannot be read, a
+    column that is not there or there twice, and for what is no number > 0: empty, text, nan, zero.
     """
     if isinstance(columns, str) or not columns or not all(isinstance(column, str) for column in columns):
         raise InputError("name the columns to read", key="columns", found=columns, allowed="a list of names")

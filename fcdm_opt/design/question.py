@@ -115,10 +115,8 @@ class BodyTable:
         return checked(KeepOutEntry if self.data.keys() & _OF_KEEP_OUTS else BodyEntry, self.data)
 
     def drawn(self, sizes: Sequence[Size] = ()) -> BodyTable:
-        """Return the table without a mesh file, with the body as read from it; itself where it names none.
-
-        It is cut so that it can follow its sizes, which takes the surface that the file has.
-        """
+        """Return the table without a mesh file, with the body as read from it; itself where it names none."""
+        # it is cut so that it can follow its sizes, which takes the surface that the file has
         if "file" not in self.data:
             return self
         stamp: tuple[int, ...] = ()
@@ -138,10 +136,8 @@ class BodyTable:
         return self.data if "file" in self.data else {key: item for key, item in self.data.items() if key != "unit"}
 
     def with_value(self, place: Place, value: Any) -> BodyTable:
-        """Return the table with a value at a place in it, or in whole.
-
-        What a mesh file says is read where a place in it is changed, and forgotten where all vertices are.
-        """
+        """Return the table with a value at a place in it, or in whole."""
+        # what a mesh file says is read where a place in it is changed, and forgotten where all vertices are
         if not place:
             return BodyTable(value, self.role)
         data: Mapping[str, Any] = self.data
@@ -168,23 +164,14 @@ def _built(text: str, role: str) -> Body:
 
 @dataclass(frozen=True, eq=False)
 class SceneTables:
-    """The bodies of a question, and all that its cases share, as plain tables.
+    """The bodies of a question, and all that its cases share, as plain tables."""
 
-    Attributes
-    ----------
-    tables : dict of str to BodyTable
-        By their places: bodies.movable and bodies.static, or part.NAME of each part; keep_out[1] and on.
-    sizes : tuple of mappings
-        The [[size]] tables.
-    assembled : mapping
-        Of an assembly "part": name -> what it has besides a body, and "contact": the [[contact]] tables; else empty.
-    latest : list
-        The curve of the last problem asked about it, which the next one finds as long as it is kept; or empty.
-    """
-
+    # by their places: bodies.movable and bodies.static, or part.NAME of each part; keep_out[1] and on
     tables: Mapping[str, BodyTable]
-    sizes: tuple[Mapping[str, Any], ...] = ()
+    sizes: tuple[Mapping[str, Any], ...] = ()  # the [[size]] tables
+    # of an assembly "part": name -> what it has besides a body, and "contact": the [[contact]] tables; else empty
     assembled: Mapping[str, Any] = field(default_factory=dict)
+    # the curve of the last problem asked about it, which the next one finds as long as it is kept; or empty
     latest: list[DecisionCurve] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
@@ -275,11 +262,9 @@ class SceneTables:
         assert len(self.checked_sizes) == len(self.sizes)  # refuses what is no size
 
     def with_value(self, place: Place, value: Any) -> SceneTables:
-        """Return the scene with a value at a place.
-
-        It starts with bodies.movable, bodies.static, part.NAME or keep_out[k]; or with size[k] or size.NAME, and has a
-        key then; or with contact[k].
-        """
+        """Return the scene with a value at a place."""
+        # a place starts with bodies.movable, bodies.static, part.NAME or keep_out[k]; or with size[k] or size.NAME, and
+        # has a key then; or with contact[k]
         if place[0] == "size":
             return SceneTables(self.tables, self._other_sizes(place, value), self.assembled)
         table = written(place[:2])
@@ -346,10 +331,7 @@ def _scene(text: str) -> SceneTables:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """One case of a file as plain tables, defaults merged in: the scene, and the keys of the case.
-
-    Questions that differ in their cases alone share the scene.
-    """
+    """One case of a file as plain tables, defaults merged in: the scene, which others may share, and its own keys."""
 
     scene: SceneTables
     case: Mapping[str, Any]
@@ -425,10 +407,8 @@ class Question:
             checked(Case, self.case).arguments(_NO_DEFAULTS)
 
     def problem(self) -> Problem | Assembly:
-        """Return the problem, or assembly; raises `InputError` as these do.
-
-        Equal bodies are built once a process, and the decision curve found once for each scene and box.
-        """
+        """Return the problem, or assembly; raises `InputError` as these do."""
+        # equal bodies are built once a process, and the decision curve found once for each scene and box
         scene = self.scene.drawn
         if scene.assembled:
             with _without_case_number(self.name):

@@ -28,19 +28,11 @@ MOST = 10**7  # draws at most, all kept in memory: more tell nothing new
 
 @dataclass(frozen=True, eq=False)
 class Sizes(Plain):
-    """All size pairs of a box, or those of a list.
+    """All size pairs of a box, or those of a list."""
 
-    Attributes
-    ----------
-    box : (2, 2) array
-        (low, high) of rho_1 and of rho_2; that of the list where there is one.
-    pairs : (n, 2) array or None
-        The list.
-    """
-
-    box: Array
+    box: Array  # (low, high) of rho_1 and of rho_2, (2, 2); that of the list where there is one
     _: KW_ONLY
-    pairs: Array | None = None
+    pairs: Array | None = None  # the list, (n, 2)
 
     @classmethod
     def of(cls, sizes: Any) -> Sizes:
@@ -87,10 +79,8 @@ def tolerance_box(problem: Scene) -> Array:
 
 
 def chosen_sizes(scene: Scene, over: Any) -> tuple[str, ...]:
-    """Return the names of the sizes, or scales, that a map is over: one, or a sequence.
-
-    By default all sizes, where there are some and no tolerance of the scales; else all scales.
-    """
+    """Return the names of the sizes, or scales, that a map is over: one, or a sequence."""
+    # by default all sizes, where there are some and no tolerance of the scales; else all scales
     own, scales = tuple(size.name for size in scene.sizes), tuple(scene.nominal_scales)
     asked = (own if by_name(scene) else scales) if over is None else (over,) if isinstance(over, str) else over
     found = tuple(arguments.items(asked))
@@ -146,10 +136,8 @@ def _each(positive: bool | Sequence[bool] | Flags) -> Flags:
 
 
 def sources(value: Any, *, positive: bool | Sequence[bool] | Flags = True) -> tuple[Distribution, ...] | Array:
-    """Return a distribution for each of k sizes, or a list of them, (n, k), n > 0, all finite.
-
-    Sizes are > 0 unless they are deviations; there are two unless a flag is given for each.
-    """
+    """Return a distribution for each of k sizes, or a list of them, (n, k), n > 0, all finite."""
+    # sizes are > 0 unless they are deviations; there are two unless a flag is given for each
     scales = _each(positive)
     count = len(scales)
     what = "scales > 0" if scales.all() else "deviations" if not scales.any() else "scales > 0 and deviations"

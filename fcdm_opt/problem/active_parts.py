@@ -241,10 +241,8 @@ def _beside_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[
 def _touching_sooner(
     problem: Problem, movable: Body, static: Body, amount: float, kept: list[Flags]
 ) -> Iterator[Reason]:
-    """Yield parts not modelled that may touch after a motion of less than an amount.
-
-    Of an infinite one within larger and larger ones, as far as anything is looked for.
-    """
+    """Yield parts not modelled that may touch after a motion of less than an amount."""
+    # of an infinite one within larger and larger ones, as far as anything is looked for
     fastest, size = float(np.linalg.norm(_rates(problem) / problem.weights)), problem.size
     shifts = np.empty((0, 3))
     if problem.motion.shifts:

@@ -24,18 +24,9 @@ PROBES, SPREAD = 8, (1e-3, 1.0)  # motions at which an amount is looked at when 
 class OwnAmount:
     """A motion amount of the user's own: a number >= 0 for each motion.
 
-    Parameters
-    ----------
-    expression : casadi.SX or casadi.Function
-        An expression of scalar symbols that bear the names of motion parameters (lengths and radians), or a function
-        of the vector of all parameters.
-    names : sequence of str
-        The motion's parameters, in order.
-
-    Raises
-    ------
-    InputError
-        Where it is no scalar, not finite at rest, negative, or has other symbols.
+    The expression, a `casadi.SX`, is of scalar symbols that bear the names of motion parameters (lengths and radians),
+    or a `casadi.Function` of the vector of all parameters; `names` are the motion's parameters, in order. An
+    `InputError` where it is no scalar, not finite at rest, negative, or has other symbols.
     """
 
     def __init__(self, expression: Any, names: Sequence[str]) -> None:

@@ -16,10 +16,8 @@ LARGEST = 1e30  # of any number: sums and products of lengths, weights and scale
 
 
 def is_real(value: Any) -> bool:
-    """Tell whether a value is a number, and no larger than any float: no truth value, no text.
-
-    An array without axes is the number in it: what functions of arrays give for one point.
-    """
+    """Tell whether a value is a number, and no larger than any float: no truth value, no text."""
+    # an array without axes is the number in it: what functions of arrays give for one point
     if isinstance(value, np.ndarray) and not value.ndim:
         value = value[()]
     if isinstance(value, int):

@@ -139,10 +139,8 @@ class AssemblyFile(Entry, title="Assembly file"):
         wanted: Container[str] = (),
         refused: list[tuple[str, InputError]] | None = None,
     ) -> tuple[Made, ...]:
-        """Return what `Assembly` makes of the arguments of each case, or those wanted; bodies may be built already.
-
-        `refused` gets the name of a case that cannot be made, and why; without it, that ends all.
-        """
+        """Return what `Assembly` makes of the arguments of each case, or those wanted; bodies may be built already."""
+        # `refused` gets the name of a case that cannot be made, and why; without it, that ends all
         self.check(file)
         with placed(file=file):
             asked = self._asked(file, bodies, keep_out)

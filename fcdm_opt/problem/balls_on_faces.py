@@ -52,10 +52,8 @@ class BallOnFace(NamedTuple):
         return surface.origin, along, float(surface.radius + self.face.side * self.radius)
 
     def gap(self, pose: Array, rates: Array) -> tuple[float, Array]:
-        """Return its gap after a motion of the movable body, and the derivatives of that, (k,).
-
-        `pose`, (4, 4), and its derivatives, (k, 4, 4).
-        """
+        """Return its gap after a motion of the movable body, and the derivatives of that, (k,)."""
+        # `pose`, (4, 4), and its derivatives, (k, 4, 4)
         turn, shift = pose[:3, :3], pose[:3, 3]
         there = turn @ self.centre + shift if self.holder else (self.centre - shift) @ turn
         (off,), (normal,) = self.face.gaps(there[None])

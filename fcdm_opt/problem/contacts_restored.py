@@ -58,10 +58,8 @@ def is_of_plane_faces(problem: Problem) -> bool:
 
 
 def unfollowed(problem: Problem) -> int:
-    """Return how many contacts of true faces there are as drawn whose facets do not touch: none of them is followed.
-
-    0 where some of the contacts as drawn were chosen.
-    """
+    """Return how many contacts of true faces there are as drawn whose facets do not touch: none of them is followed."""
+    # 0 where some of the contacts as drawn were chosen
     asked = problem.of_facets
     if len(asked.contacts) != len(asked.nominal_joints):
         return 0
@@ -90,10 +88,7 @@ def _patches_met(problem: Problem, feature: Feature) -> Pairs:
 
 
 def restores(problem: Problem, transform: Array) -> bool:
-    """Tell whether the true faces that touch as drawn touch after a motion of parts made.
-
-    False where no round one touches as drawn.
-    """
+    """Tell whether true faces that touch as drawn touch after a motion of parts made; False where no round one does."""
     asked, slack = problem.of_facets, problem.contact_slack
     before = _met_as_drawn(problem)
     after = [own for own, met in _met(asked, transform) if abs(met.gap) <= slack]
@@ -146,10 +141,8 @@ Rows = list[tuple[float, Array, bool]]
 def _from(
     y: Array, asked: Sequence[Problem], before: Sequence[list[Pairs]], balls: Sequence[list[BallOnFace]]
 ) -> RestoringMotion | None:
-    """Return what Newton's method comes to from weighted parameters; see `restoring_motion`.
-
-    With the `balls` of each question for motions that turn, else without.
-    """
+    """Return what Newton's method comes to from weighted parameters; see `restoring_motion`."""
+    # with the `balls` of each question for motions that turn, else without
     first, turns, found = asked[0], bool(balls), [*map(len, before)]
     for _ in range(MORE_ROUNDS if turns else ROUNDS):
         q, points = y / first.weights, list[list[NearestPoints]]()
@@ -250,10 +243,7 @@ def _met_as_drawn(problem: Problem) -> list[Pairs]:
 
 
 def _met(problem: Problem, pose: Array, share: float = DEFAULT.snap) -> Iterator[tuple[Pairs, NearestPoints]]:
-    """Yield which true faces of parts made come near each other where, a round one among each two.
-
-    Up to a share of the size.
-    """
+    """Yield which true faces of parts made come near, to a share of the size, where, a round one among each two."""
     bodies, scales = problem.bodies_made.values(), problem.target
     faces = [true_faces(body) for body in bodies]
     off = sum(scale * sum(deviation_of(own)) for scale, own in zip(scales.tolist(), bodies, strict=True))

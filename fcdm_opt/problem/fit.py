@@ -124,10 +124,8 @@ def _foremost(part: ConvexPart, normal: Array, body: Body) -> Array:
 
 @lru_cache(maxsize=4)
 def part_corners_as_made(problem: Problem) -> tuple[list[Array], list[Array]] | None:
-    """Return the corners that the parts of both bodies as drawn have at the sizes made; None where that is not known.
-
-    Bodies made may be cut anew, into other parts.
-    """
+    """Return the corners that parts of both bodies as drawn have at the sizes made; None where that is not known."""
+    # bodies made may be cut anew, into other parts
     found = list[list[Array]]()
     for role, drawn, made in zip(problem.drawn, drawn_bodies(problem), problem.bodies[:2], strict=True):
         if drawn is not made and not made.is_surface:
@@ -338,10 +336,8 @@ class _ClosedWalls(NamedTuple):
         return Misfit(0, 0.0, 0.0, (faces[0], faces[1]), (parts[0], parts[1]), tuple(self.normals[rows[0]].tolist()))
 
     def _named_wall(self, part: int, other: int, normal: Array, role: int) -> Element | None:
-        """Return the face of a part that looks along a direction; of a cut that one of the round face that it is at.
-
-        Of several it is at that which is nearest to the part of the other body.
-        """
+        """Return the face of a part that looks along a direction; of a cut that one of the round face that it is at."""
+        # of several it is at that which is nearest to the part of the other body
         bodies = drawn_bodies(self.problem)
         own, body, theirs = bodies[role].parts[part], bodies[role], bodies[1 - role].parts[other].vertices.mean(axis=0)
         wall = _wall(own, normal, body)
@@ -387,10 +383,8 @@ def _number(known: dict[tuple[int, ...], int], wall: Element | None) -> int:
 
 
 def _wall(part: ConvexPart, normal: Array, body: Body) -> Element | None:
-    """Return the face of a part that looks along a direction; None where it has none.
-
-    Where an edge between facets of a round face does, one of these.
-    """
+    """Return the face of a part that looks along a direction; None where it has none."""
+    # where an edge between facets of a round face does, one of these
     towards = part.normals @ normal
     best = int(towards.argmax())
     face = part.elements["F"][best]
@@ -411,10 +405,8 @@ def verdict(scene: Scene) -> str:
 
 
 def unlike_steps(scene: Scene) -> str:
-    """Return, in words, two contacts that look the same way, and how far apart their faces are in either part as made.
-
-    Those that differ most, so that no shift closes both; empty where none do.
-    """
+    """Return in words two contacts that look one way, and how far apart their faces are in either part as made."""
+    # those that differ most, so that no shift closes both; empty where none do
     most, found = 0.0, ""
     relations = scene.relations.values()
     for problem, one, two in ((own, *pair) for own in relations for pair in combinations(own.chosen_joints, 2)):

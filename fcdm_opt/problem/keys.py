@@ -263,10 +263,8 @@ RESTORING_GOALS = (None, "at", "seat", "fit")
 
 
 def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made".
-
-    And whose contacts go with the goals and the pair that restore them together.
-    """
+    """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made"."""
+    # and whose contacts go with the goals and the pair that restore them together
     given = {**defaults, **case}
     if "contacts" not in case and (given.get("goal") not in RESTORING_GOALS or given.get("pair") == "clear"):
         given.pop("contacts", None)
@@ -468,10 +466,8 @@ class ProblemFile(Entry, title="Problem file"):
         wanted: Container[str] = (),
         refused: list[tuple[str, InputError]] | None = None,
     ) -> tuple[Made, ...]:
-        """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`.
-
-        `refused` gets the name of a case that cannot be made, and why; without it, that ends all.
-        """
+        """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`."""
+        # `refused` gets the name of a case that cannot be made, and why; without it, that ends all
         cases = self.named_cases(file)
         for key, case in cases.items():  # what is wrong there is said before meshes are read
             with self._placing(case, key, file):

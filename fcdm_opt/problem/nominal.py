@@ -92,10 +92,8 @@ class NominalContact:
 
     @cached_property
     def _closed(self) -> tuple[Segment | SwitchingPoint, Snapped] | None:
-        """What a nominal pair slightly off the curve is closed to, None where it is left as it is.
-
-        A switching point within `snap` comes first; goal "beyond" speaks of nothing else.
-        """
+        """What a nominal pair slightly off the curve is closed to, None where it is left as it is."""
+        # a switching point within `snap` comes first; goal "beyond" speaks of nothing else
         if self.goal not in (None, *TRACKING, FIT) or isinstance(self.nominal, int) or self._nominal_pair_touches:
             return None
         located = self._located

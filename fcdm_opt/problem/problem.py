@@ -524,10 +524,8 @@ def _published(motion: Motion, numbers: tuple[float, ...]) -> list[dict[str, Any
 def _resolved(
     given: Mapping[str, Any], indices: Indices | None = None, before: Problem | None = None
 ) -> dict[str, Any]:
-    """Return what arguments of a problem mean: its attributes, see `Problem`.
-
-    `before` is the same question with the first of the parts of `indices` alone: its nominal contact stays.
-    """
+    """Return what arguments of a problem mean: its attributes, see `Problem`."""
+    # `before` is the same question with the first of the parts of `indices` alone: its nominal contact stays
     if given.get("made") and given.get("nominal", "drawn") == "drawn" and given.get("goal") in ("at", "seat"):
         # the curve of the parts made has no contact where they are: those drawn are to be restored
         given = {**given, "contacts": given.get("contacts") or "all"}

@@ -18,15 +18,12 @@ if TYPE_CHECKING:
 
 
 class Coordinate(NamedTuple):
-    """A parameter of the motions: of two parts by its name, of several as "part.parameter".
-
-    `weight` is in amount per length unit or radian, `limits` are length units or radians, infinite where none is given.
-    """
+    """A parameter of the motions: of two parts by its name, of several as "part.parameter"."""
 
     name: str
     kind: Kind
-    weight: float
-    limits: tuple[float, float]
+    weight: float  # amount per length unit or radian
+    limits: tuple[float, float]  # length units or radians, infinite where none is given
 
 
 class Scene(ABC):

@@ -56,10 +56,8 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
 
 
 def _improved(task: Task, best: Answer, further: list[Array], least: float) -> Answer:
-    """Return the least motion that the nonlinear program finds with the features at the best so far, and those at rest.
-
-    It starts at first from `further` motions too. No motion stays below the amount `least`.
-    """
+    """Return the least motion that the nonlinear program finds with features at the best so far, and at rest."""
+    # it starts at first from `further` motions too. No motion stays below the amount `least`
     for turn in range(ROUNDS):
         before, first = best.amount, turn == 0
         promising = sorted(choices(task, task.start), key=lambda choice: choice.promise) if first else []

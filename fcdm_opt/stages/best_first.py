@@ -38,11 +38,9 @@ class Rows(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order.
+    """Of each of several groups one alternative is to be met: rows of all alternatives of all groups, in order."""
 
-    `alternatives` are their first rows, `groups` the first alternatives of the groups.
-    """
-
+    # `alternatives` are their first rows, `groups` the first alternatives of the groups
     rows: Rows
     alternatives: Ints
     groups: Ints
@@ -105,11 +103,9 @@ class Choices(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """The y nearest to a point, None where there is none, or none was found before the search was left.
+    """The y nearest to a point, None where there is none, or none was found before the search was left."""
 
-    `rows` are those that it was sought under; `chosen` are the alternatives kept by group.
-    """
-
+    # `rows` are those that it was sought under; `chosen` are the alternatives kept by group
     y: Array | None
     rows: Rows
     chosen: dict[int, int]

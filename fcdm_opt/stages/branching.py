@@ -144,7 +144,9 @@ def proved(
         return bounded(task, answer, aims=aims, until=until, checked=checked)
     answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
-        answer = spread(task, answer, _beside(task, answer.q))
+        # turned a little, both ways about each axis: parallel faces are no more so
+        steps = np.diag(SPREAD * task.amount(answer.q) / task.weights)[task.spins.any(axis=1)]
+        answer = spread(task, answer, [answer.q + sign * step for step in steps for sign in (1.0, -1.0)])
         closed = _closed(task, answer, gap)
     if closed or perf_counter() > until or pacing.over():
         return answer, None
@@ -210,12 +212,6 @@ def _unturned(task: Task) -> list[Array]:
             return [q]
     found = separating_directions.descended(still, task.start, LARGE * task.size)
     return [] if found is None else [found.motion]
-
-
-def _beside(task: Task, q: Array) -> list[Array]:
-    """Return motions turned a little from one, both ways about each axis, where parallel faces are no more so."""
-    steps = np.diag(SPREAD * task.amount(q) / task.weights)
-    return [q + sign * steps[k] for k in np.flatnonzero(task.spins.any(axis=1)) for sign in (1.0, -1.0)]
 
 
 def _closed(task: Task, answer: Answer, gap: float) -> bool:
@@ -324,10 +320,8 @@ def _most(task: Task, effort: float, share: float = 1.0, swollen: bool = False) 
 
 
 def near(task: Task, q: Array) -> Answer | None:
-    """Return the least motion that a local search from a motion finds.
-
-    It is to beat motions that meet the requirement exactly, so what it gains may not come from the slack.
-    """
+    """Return the least motion that a local search from a motion finds."""
+    # it is to beat motions that meet the requirement exactly, so what it gains may not come from the slack
     if separating_directions.suits(task):
         for share in NEAR:
             radius = share * max(task.amount(q), DEFAULT.least_unit * task.unit)

@@ -312,10 +312,8 @@ def _tracked(scene, flat, s, lines, rho):
 
 @kernel
 def evaluate(scene, rows, count, only, z, g, G):
-    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist.
-
-    Rows of features say that level + n . (d - x R v + y w) is not negative, n being the feature's direction.
-    """
+    """Fill values g and gradients G of the rows (of those with `only` positive); tell if all exist."""
+    # rows of features say that level + n . (d - x R v + y w) is not negative, n being the feature's direction
     motion, parts1, parts2, _, _, pairs, _ = scene
     ints, reals = rows
     k, target = len(z), pairs[1]
@@ -747,10 +745,8 @@ def _highest(part, n):
 
 @kernel
 def _others(scene, lines, flat, x, y, s, faults, count):
-    """Note other part pairs that overlap, and tracked ones that are apart.
-
-    The latter not where the contact has moved over a seam in the same plane.
-    """
+    """Note other part pairs that overlap, and tracked ones that are apart."""
+    # the latter not where the contact has moved over a seam in the same plane
     _, parts1, parts2, tracked, _, _, path = scene
     pose, slack = flat[:12].copy(), path[4]
     flats, known = np.empty((64, 3)), 0
@@ -853,14 +849,8 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
     """Add rows for what z violates; return (how it went on, rows, chosen sites).
 
     Each of the first `made` sites is to keep its part pair apart; pairs that come up are kept apart along the best of
-    theirs. Rows that let `closing` meet and no longer bound its separation are dropped.
-
-    Parameters
-    ----------
-    sites : two arrays
-        Sites, (n, 5), and their orientations, (n,).
-    begins : bool
-        Whether rows of chosen sites and of `closing` are to be added first.
+    theirs. Rows that let `closing` meet and no longer bound its separation are dropped. `sites` are two arrays: sites,
+    (n, 5), and their orientations, (n,); `begins` says to add rows of chosen sites and of `closing` first.
     """
     motion, parts1, parts2, tracked, _, pairs, _ = scene
     (ints, reals), (chosen, orientations), k = rows, sites, len(z)
@@ -985,18 +975,9 @@ def _lost(scene, path, orientations, z, room):
 def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     """Return the merits of several directions, see above; amounts beyond `cap` or the least so far are not told apart.
 
-    Parameters
-    ----------
-    orientations : (2,) array
-        Signs of "beyond" for each body, 0 where it does not matter.
-    limits : (2, 2) array
-        Of each z.
-    steps : (3,) array
-        First step along a ray, and the largest of each z.
-    angles : (n,) array
-        Of the directions, radians.
-    halvings : int
-        Of a stretch at whose end the contact is lost.
+    `orientations`, (2,), are signs of "beyond" for each body, 0 where it does not matter; `limits`, (2, 2), of each z;
+    `steps`, (3,), the first step along a ray, and the largest of each z; `angles`, (n,), those of the directions, in
+    radians; `halvings` those of a stretch at whose end the contact is lost.
     """
     path, objectives = scene[6], np.full(len(angles), 2.0 * FAR)
     way, z = np.empty(2), np.empty(2)

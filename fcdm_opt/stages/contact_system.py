@@ -266,11 +266,9 @@ def _bounded(problem: Problem, task: Task, answer: Answer) -> float:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The equations of some contacts; z = weights * q / size.
+    """The equations of some contacts; z = weights * q / size."""
 
-    The features are those of the task's joints, or of its tracked contact, or others to be worked out alike.
-    """
-
+    # the features are those of the task's joints, or of its tracked contact, or others to be worked out alike
     task: Task
     features: tuple[FeaturePoints, ...]
 
@@ -360,10 +358,8 @@ class System:
         return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
 
     def separating_directions(self, pairs: Sequence[Parts], q: Array, clearances: ForbiddenShifts) -> Choices:
-        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first.
-
-        While nothing turns, as far as `clearances` tell so far: not at all before a pair joins them.
-        """
+        """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
+        # while nothing turns, as far as `clearances` tell so far: not at all before a pair joins them
         task, y = self.task, self.task.weights * q
         if not pairs or not task.motion.shifts:
             around = AROUND * max(float(np.linalg.norm(y)), task.unit)

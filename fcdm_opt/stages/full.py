@@ -41,10 +41,8 @@ def full(task: Task) -> Answer | None:
 
 
 def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer | None:
-    """Return what the full model gives, solved once for each part pair that may be the one to touch; None for nothing.
-
-    The tolerance is that of IPOPT, of scaled rows and stationarity.
-    """
+    """Return what the full model gives, solved for each part pair that may be the one to touch; None for nothing."""
+    # the tolerance is that of IPOPT, of scaled rows and stationarity
     asks = bool(np.isfinite(task.needs).any())
     gaps = task.pair_gaps(task.start) if asks else np.full((1, 1), np.inf)
     closings: list[Parts | None] = [None]

@@ -87,10 +87,8 @@ def shift(task: Task) -> Answer | None:
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
-    """Return the least motion for which the lines meet beyond the target pair, if it meets everything else.
-
-    `gaps` are in sizes, `rates` by z, see `System`.
-    """
+    """Return the least motion for which the lines meet beyond the target pair, if it meets everything else."""
+    # `gaps` are in sizes, `rates` by z, see `System`
     met, _, tracked = task.tracked_contact(task.rest)
     if not np.isfinite(met).all():
         return None
@@ -285,10 +283,8 @@ def _wall(lines: Rows) -> Rows:
 
 
 def _touching(task: Task, shifts: Array) -> list[tuple[float, Parts]]:
-    """Return the pairs that may be the one to touch, and no x is less that makes them; the nearest first.
-
-    None where one does in any case: what overlaps at rest touches as soon as it does not.
-    """
+    """Return the pairs that may be the one to touch, and no x is less that makes them; the nearest first."""
+    # none where one does in any case: what overlaps at rest touches as soon as it does not
     gaps = task.pair_gaps(task.rest)[:, : len(task.static.parts)]
     if not task.must_touch or (gaps.min() <= 0.0 and task.allows(task.rest) and not task.keep_out):
         return []

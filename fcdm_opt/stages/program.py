@@ -102,10 +102,8 @@ def support_row(task: Task, s: float, feature: FeaturePoints, scale: float, body
 
 
 def plane_row(task: Task, block: int, body: int, vertex: Array, need: float, name: str) -> Row:
-    """Keep a vertex on its body's side of separating plane `block`, of body 2 by `need`.
-
-    Of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2.
-    """
+    """Keep a vertex on its body's side of separating plane `block`, of body 2 by `need`."""
+    # of body 1 as drawn, to be scaled and moved; of body 2 or a keep-out, which stay, as scaled and relative to s_2
     return Row(("plane", body), np.append(vertex, need / task.unit), 0.0, INF, name, block)
 
 
@@ -247,10 +245,8 @@ def _compiled(
     amount: str | OwnAmount = "weighted",
     vertices: int = 0,
 ) -> Any:
-    """Build the NLP solver of a layout: for each template the size of its values, and the blocks of its rows.
-
-    `vertices` is the number of those whose displacement counts.
-    """
+    """Build the NLP solver of a layout: for each template the size of its values, and the blocks of its rows."""
+    # `vertices` is the number of those whose displacement counts
     import casadi
 
     k = len(motion.parameters)

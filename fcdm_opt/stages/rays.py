@@ -37,11 +37,9 @@ FINE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 5.0, 10.0, 20.0)
 
 
 class FirstContact(NamedTuple):
-    """The first contact along a ray: where the needed gap is reached, infinite if it is not.
+    """The first contact along a ray: where the needed gap is reached, infinite if it is not."""
 
-    It is proved not to be reached before `clear_to`, 0 where nothing is proved.
-    """
-
+    # it is proved not to be reached before `clear_to`, 0 where nothing is proved
     amount: float
     clear_to: float
 

@@ -32,10 +32,8 @@ HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
 def nonlinear(task: Task) -> Answer:
-    """Stage 4: the nonlinear program.
-
-    Where contacts must stay flush, which few turns let them, first without turns, and then with turns from there.
-    """
+    """Stage 4: the nonlinear program."""
+    # where contacts must stay flush, which few turns let them, first without turns, and then with turns from there
     turning = task.spins.any(axis=1) & (task.limits[:, 0] <= 0) & (task.limits[:, 1] >= 0)
     still = frozen(np.where(turning[:, None], 0.0, task.limits))
     if not any(task.flush) or not turning.any() or (still == 0).all() or (still == task.limits).all():
@@ -237,10 +235,8 @@ class Relaxation:
         return True
 
     def _keep_flush(self, s: float, pose: Array) -> bool:
-        """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns.
-
-        The last is more than is needed, where a turn opens them to second order only.
-        """
+        """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns."""
+        # the last is more than is needed, where a turn opens them to second order only
         task, added = self.task, False
         for seat in task.seats if s == 1.0 else ():
             if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
@@ -346,10 +342,8 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
 
 
 def _separating_directions(task: Task, parts: Parts, q: Array) -> list[tuple[float, Array]]:
-    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, least first.
-
-    The amount is what a way still needs, to first order.
-    """
+    """Return (amount, direction) for the ways in which a part pair can come apart near a motion, least first."""
+    # the amount is what a way still needs, to first order
     sites, rows, separations = task.separations(parts, task.pose(q))
     steepness = np.linalg.norm(task.gap_rates(parts, q, sites, rows[:, :3]) / task.weights, axis=1)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):

@@ -37,10 +37,8 @@ def suits(task: Task) -> bool:
 
 
 def descended(task: Task, q: Array, radius: float) -> Answer | None:
-    """Return the least motion that a descent from a motion, which need not do, finds; None where it finds none.
-
-    Of a task that `suits`; the first step may change the amount by `radius`.
-    """
+    """Return the least motion that a descent from a motion, which need not do, finds; None where it finds none."""
+    # of a task that `suits`; the first step may change the amount by `radius`
     weights, most = task.weights, FURTHER * radius
     best: Array | None = None
     y = np.clip(np.asarray(q, dtype=np.float64), *task.limits.T) * weights
@@ -93,10 +91,8 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
     waiting, apart = gaps < task.needs + scene.band, list[list[Rows]]()
 
     def parted(closing: list[Rows], most: float = np.inf) -> Array | None:
-        """Return the nearest motion at which the pairs are apart and those to touch are joined.
-
-        Of the directions that keep them from touching few matter: each is taken up once a motion misses it.
-        """
+        """Return the nearest motion at which the pairs are apart and those to touch are joined."""
+        # of the directions that keep them from touching few matter: each is taken up once a motion misses it
         found, every, taken = gaps, Choices.of_single_rows(closing, len(y)), dict[int, list[Rows]]()
         while True:
             for i, j in np.argwhere(waiting & (found < task.needs)).tolist():

@@ -70,11 +70,9 @@ def turns(task: Task) -> Answer | None:
 
 
 class _TurnSearch:
-    """The scene as the kernels take it, and the loop over generations of cells.
+    """The scene as the kernels take it, and the loop over generations of cells."""
 
-    `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too.
-    """
-
+    # `plain`: the smallest translation for fixed rotations is known exactly, so that cells give motions too
     @classmethod
     def of(cls, task: Task) -> _TurnSearch | None:
         """Return it of a motion of three translations and rotations; None for other motions and goals."""
@@ -172,10 +170,8 @@ class _TurnSearch:
         return np.ascontiguousarray(near)
 
     def _root(self, most: float) -> Array:
-        """Return the cell of all rotations that may be the answer's.
-
-        None of a larger amount than the best known; none of more than half a turn, if all are allowed.
-        """
+        """Return the cell of all rotations that may be the answer's."""
+        # none of a larger amount than the best known; none of more than half a turn, if all are allowed
         count, limits = len(self.rotations), self.task.limits[self.rotations]
         ends = np.full(3, most)
         if not np.isfinite(limits).any():

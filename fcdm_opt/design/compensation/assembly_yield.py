@@ -42,28 +42,17 @@ COARSE = 0.01  # width of an interval of shares from which on tenths of a per ce
 
 @dataclass(frozen=True)
 class Contribution(Plain):
-    """How much of the amount's variance, and of the failures, is due to one size' tolerance.
+    """How much of the amount's variance, and of the failures, is due to one size' tolerance."""
 
-    Attributes
-    ----------
-    body : str
-        "movable" or "static", of the scales of both; else the size, of an assembly's scales "scales.PART".
-    first_order, total : float
-        Sobol indices of the amount: the share of its variance that goes when this body's size is fixed, on average, and
-        the share that stays when only this size varies; they differ by what sizes do together. Pairs without a
-        motion are left out, with those they are compared with. nan where the amount does not vary.
-    first_order_error, total_error : float
-        Their standard errors.
-    share_without : float
-        The yield if this body's size were always its median, of pairs within the map's box; nan where there are none,
-        or the map leaves open whether pairs have a motion.
-    """
-
-    body: str
+    body: str  # "movable" or "static", of the scales of both; else the size, of an assembly's scales "scales.PART"
+    # Sobol index of the amount: the share of its variance that goes when this body's size is fixed, on average. Pairs
+    # without a motion are left out, with those they are compared with. nan where the amount does not vary
     first_order: float
-    first_order_error: float
-    total: float
-    total_error: float
+    first_order_error: float  # its standard error
+    total: float  # another one: the share that stays when only this size varies; they differ by what sizes do together
+    total_error: float  # its standard error
+    # the yield if this body's size were always its median, of pairs within the map's box; nan where there are none, or
+    # the map leaves open whether pairs have a motion
     share_without: float
 
 

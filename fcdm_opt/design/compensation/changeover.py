@@ -91,10 +91,8 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
 
 
 def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | None:
-    """Return where the continuations of both sides agree in the bracket, by what differs most; None if they do not.
-
-    A side without a motion has none: the other one then meets its walls.
-    """
+    """Return where the continuations of both sides agree in the bracket, by what differs most; None if they do not."""
+    # a side without a motion has none: the other one then meets its walls
     low, high = sides[0][-1][0], sides[1][-1][0]
     curves = [_curve(side) for side in sides if np.isfinite(side[-1][1][0])]
     if not curves:

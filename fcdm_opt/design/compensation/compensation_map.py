@@ -41,41 +41,22 @@ _FORMAT = "fcdm_opt compensation map 1"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapRegion(ActiveSet, Plain):
-    """Sizes for which the motion is held by the same constraints, an active set.
+    """Sizes for which the motion is held by the same constraints, an active set."""
 
-    Attributes
-    ----------
-    share : float
-        Of the box's length, area or volume.
-    place : (k,) array
-        Sizes well inside.
-    amounts : (float, float)
-        Least and largest amount at the table's nodes, length units; nan without a motion.
-    """
-
-    share: float
-    place: Array
-    amounts: tuple[float, float]
+    share: float  # of the box's length, area or volume
+    place: Array  # sizes well inside, (k,)
+    amounts: tuple[float, float]  # least and largest amount at the table's nodes, length units; nan without a motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Boundary(Plain):
-    """Where one region ends and another begins.
+    """Where one region ends and another begins."""
 
-    Attributes
-    ----------
-    regions : (int, int)
-        Numbers of both, from 0.
-    points : (n, k) array
-        Sizes on it: the one where it is a switching point of a map over one size; of two sizes those of a line, in
-        order; of more all that its surface was found at.
-    jumps : bool
-        Whether the motion, or its amount, jumps there.
-    """
-
-    regions: tuple[int, int]
+    regions: tuple[int, int]  # numbers of both, from 0
+    # sizes on it, (n, k): the one where it is a switching point of a map over one size; of two sizes those of a line,
+    # in order; of more all that its surface was found at
     points: Array
-    jumps: bool
+    jumps: bool  # whether the motion, or its amount, jumps there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

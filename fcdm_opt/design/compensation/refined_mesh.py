@@ -33,10 +33,7 @@ TOGETHER = 16  # searches side by side: those before are through when the time i
 
 
 class RefinedMesh(SizeMesh):
-    """A mesh that is refined until amount and motion are off by no more than `error`.
-
-    None stands for a share of the largest amount.
-    """
+    """A mesh refined until amount and motion are off by at most `error`; None: by a share of the largest amount."""
 
     def __init__(self, sampler: Sampler, error: float | None) -> None:
         self.sampler = sampler
@@ -98,10 +95,8 @@ class RefinedMesh(SizeMesh):
         return [self.edges[ends] for ends, cost in zip(cut, taken, strict=True) if cost > room]
 
     def _run(self, searches: Sequence[Asking[None]], *, last: bool = False) -> list[bool]:
-        """Run searches side by side: what they ask for is solved in one go; tell which came to their end.
-
-        They are given up when refining has used its share of the time, with `last` when all the time is over.
-        """
+        """Run searches side by side: what they ask for is solved in one go; tell which came to their end."""
+        # they are given up when refining has used its share of the time, with `last` when all the time is over
         ended = [False] * len(searches)
         for first in range(0, len(searches), TOGETHER):
             asked = {k: next(searches[k], None) for k in range(first, min(first + TOGETHER, len(searches)))}
@@ -367,10 +362,8 @@ class RefinedMesh(SizeMesh):
             edges[k].must = bool(lengths[k] > SHORTEST)
 
     def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
-        """Finish a simplex in which regions meet if its values differ little, or if it must be.
-
-        One that must, and has motions in some places and none in others, is undecided, unless it is but a speck.
-        """
+        """Finish a simplex in which regions meet if its values differ little, or if it must be."""
+        # one that must, and has motions in some places and none in others, is undecided, unless it is but a speck
         around = [Sample(*one) for k in simplex.corners for one in self.vertices[k].values.items()]
         if must:  # what is known on its edges counts, too
             splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]

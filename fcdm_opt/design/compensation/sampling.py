@@ -38,22 +38,14 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, order=True)
 class ActiveSet:
-    """What holds a motion: sizes that share it make a region of the map.
+    """What holds a motion: sizes that share it make a region of the map."""
 
-    Attributes
-    ----------
-    kind : str
-        "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was
-        cut off before it told which of the others holds.
-    features : tuple of str
-        Labels of the features that are in contact after the motion, or as near as they may be.
-    active : tuple of str
-        Limits that are reached, and what else holds the motion besides the features.
-    """
-
+    # "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was cut
+    # off before it told which of the others holds
     kind: str
+    # labels of the features that are in contact after the motion, or as near as they may be
     features: tuple[str, ...] = ()
-    active: tuple[str, ...] = ()
+    active: tuple[str, ...] = ()  # limits that are reached, and what else holds the motion besides the features
 
     def __str__(self) -> str:
         return "; ".join((*self.features, *self.active)) or self.kind
@@ -177,10 +169,7 @@ class Sampler:
         return self.scene.scales_at(dict(zip(self.over, self.made(place).tolist(), strict=True)))
 
     def samples(self, places: Sequence[Array], *, last: bool = False) -> list[Sample | None]:
-        """Return the samples at some places; None for those that the time is too short for that refining may take.
-
-        With `last` all the time given counts.
-        """
+        """Return the samples at some places; None where the time for refining, with `last` all, is too short."""
         asked = [tuple(own) for own in self.made(np.reshape(places, (-1, len(self.over)))).tolist()]
         missing = [own for own in dict.fromkeys(asked) if own not in self.known]
         solved = zip(missing, self._solved(missing, last), strict=True)
@@ -271,10 +260,7 @@ def _side(task: Task) -> Iterator[str]:
 
 
 def _met(holding: Holding, known: Sequence[Feature]) -> list[str]:
-    """Return known features, and those of part pairs that are as near as they may be; none that is part of a flush one.
-
-    Of the known ones all.
-    """
+    """Return all known features, and of part pairs as near as they may be those that are no part of a flush one."""
     task, found = holding.task, {-1: [("", feature) for feature in known]}
     for parts, feature in holding.near_features() if np.isfinite(task.needs).any() else ():
         keep_out = task.obstacles[parts[1]].keep_out

@@ -43,43 +43,26 @@ class MeshVertex:
 
 @dataclass(eq=False)
 class MeshEdge:
-    """What is known of an edge.
+    """What is known of an edge."""
 
-    Attributes
-    ----------
-    middle : dict
-        Active set -> values in its middle.
-    off : dict
-        Active set -> errors, (2,), of quadratic interpolation along it: of amount and motion.
-    step : (2,) array
-        What both sides' values differ by in its middle, where it runs along a boundary.
-    bend : float
-        How far the boundary is off its middle.
-    jumps : bool
-        Whether the motion jumps at that boundary.
-    split : MeshVertex or None
-        Where it is to be split, should it be; `must` if so.
-    straight : MeshVertex or None
-        The same on the edge itself, for where the boundary is off it by so much that simplices would turn over.
-    """
-
-    middle: Values = field(default_factory=dict)
+    middle: Values = field(default_factory=dict)  # active set -> values in its middle
+    # active set -> errors of quadratic interpolation along it, of amount and motion, (2,)
     off: Values = field(default_factory=dict)
+    # what both sides' values differ by in its middle, where it runs along a boundary
     step: Array = field(default_factory=lambda: np.zeros(2))
-    bend: float = 0.0
-    jumps: bool = False
-    split: MeshVertex | None = None
+    bend: float = 0.0  # how far the boundary is off its middle
+    jumps: bool = False  # whether the motion jumps at that boundary
+    split: MeshVertex | None = None  # where it is to be split, should it be
+    # the same on the edge itself, for where the boundary is off it by so much that simplices would turn over
     straight: MeshVertex | None = None
-    must: bool = False
+    must: bool = False  # whether it is to be split
 
 
 @dataclass(eq=False)
 class Simplex:
-    """A vertex more than there are sizes; what holds it, values at its nodes and errors once it is finished.
+    """A vertex more than there are sizes; what holds it, values at its nodes and errors once it is finished."""
 
-    One in which regions meet has the values of its centre.
-    """
-
+    # one in which regions meet has the values of its centre
     corners: tuple[int, ...]
     held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
@@ -100,12 +83,9 @@ class Simplex:
 
 
 class SizeMesh:
-    """The simplices, how they are split, and what becomes of them in the map.
+    """The simplices, how they are split, and what becomes of them in the map."""
 
-    It begins with a grid of vertices, the first size fastest, `count` along each. `edges` holds those that have been
-    looked at.
-    """
-
+    # it begins with a grid of vertices, the first size fastest, `count` along each; `edges` are those looked at
     def __init__(self, vertices: Sequence[MeshVertex], count: int) -> None:
         self.vertices: list[MeshVertex] = []
         for vertex in vertices:

@@ -78,42 +78,25 @@ def box_text(box: Sequence[Sequence[float]] | Array) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPoints:
-    """What a map says at sizes; all arrays have the shape of what was asked.
+    """What a map says at sizes; all arrays have the shape of what was asked."""
 
-    Attributes
-    ----------
-    parameters : array (..., p)
-        The motion: lengths and radians, in the order of the map's names. nan: no motion, outside the map's box, or
-        `undecided`.
-    amount : array (...)
-        Its amount, in length units. nan as above.
-    error, displacement_error : array (...)
-        Bounds of the error of the amount, and of the largest displacement of a vertex of a part that moves, as made,
-        between this motion and the true one: length units.
-    region : array of int (...)
-        Number of the region, from 0; -1 outside the map's box.
-    names : tuple of str
-        Of the parameters.
-    """
-
+    # the motion, (..., p): lengths and radians, in the order of the map's names. nan: no motion, outside the map's box,
+    # or `undecided`
     parameters: Array
-    amount: Array
-    error: Array
+    amount: Array  # its amount, (...), in length units. nan as above
+    error: Array  # bound of the error of the amount, (...), length units
+    # the same of the largest displacement of a vertex of a moving part, as made, between this motion and the true one
     displacement_error: Array
-    region: Ints
-    names: tuple[str, ...] = ()
+    region: Ints  # number of the region, (...), from 0; -1 outside the map's box
+    names: tuple[str, ...] = ()  # of the parameters
     posed: Callable[[Array], Array | dict[str, Array]] | None = field(default=None, repr=False)
 
     @property
     def transforms(self) -> Array | dict[str, Array]:
         """The same motions as transforms of the movable body, (..., 4, 4); nan where there is none.
 
-        Of an assembly those of each part that moves, in the world, by its name.
-
-        Raises
-        ------
-        InputError
-            Where the points are those of a table alone, or of a map that does not know its problem.
+        Of an assembly those of each part that moves, in the world, by its name. An `InputError` where the points are
+        those of a table alone, or of a map that does not know its problem.
         """
         if self.posed is None:
             raise InputError("only a map that has its problem knows the transforms", key="transforms")
@@ -148,39 +131,23 @@ class Table(Plain):
     Intervals of one size, triangles of two, tetrahedra of three. Within a simplex, with barycentric coordinates r_i (1
     at corner i), amount and parameters are the values at its corners times r_i (2 r_i - 1), and those at the midpoints
     of its edges ij times 4 r_i r_j, added up. Sizes on a facet that simplices share belong to the one that comes first;
-    of more than three to any.
-
-    Attributes
-    ----------
-    corners : array (m, k + 1, k)
-        Corners of the simplices: sizes (rho_1, rho_2), or deviations of sizes. They cover a box without overlap.
-    values : array (m, n, 1 + p)
-        Amount (length units), then the parameters (lengths, radians), at the corners and the midpoints of edges 12, 23,
-        ..., then 13, 24, ...; nan where there is no motion.
-    errors : array (m, 2)
-        Bounds, in length units, of the error of the amount and of the motion, see `MapPoints`; nan where none is known.
-    regions : array of int (m,)
-        Number of the region that each simplex is part of, from 0.
-    names : tuple of str
-        Names of the p parameters.
-    weights : tuple of float
-        Their weights in the amount, per length unit or radian: it is the root of the sum of (weight times parameter)^2
-        everywhere. None where the amount is another one, which is interpolated as the parameters are.
-
-    Raises
-    ------
-    InputError
-        Where shapes do not match.
+    of more than three to any. Shapes that do not match are an `InputError`.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = ("format", "names", "corners", "values", "errors", "regions", "weights")
     format: ClassVar[str] = "fcdm_opt compensation table 1"
 
+    # of the simplices, (m, k + 1, k): sizes (rho_1, rho_2), or deviations of sizes. They cover a box without overlap
     corners: Array
+    # amount (length units), then the parameters (lengths, radians), at the corners and the midpoints of edges 12, 23,
+    # ..., then 13, 24, ..., (m, n, 1 + p); nan where there is no motion
     values: Array
+    # bounds of the error of amount and motion, in length units, see `MapPoints`, (m, 2); nan where none is known
     errors: Array
-    regions: Ints
-    names: tuple[str, ...]
+    regions: Ints  # number of the region that each simplex is part of, from 0, (m,)
+    names: tuple[str, ...]  # of the p parameters
+    # their weights in the amount, per length unit or radian: it is the root of the sum of (weight times parameter)^2
+    # everywhere. None where the amount is another one, which is interpolated as the parameters are
     weights: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -220,22 +187,11 @@ class Table(Plain):
         return np.ascontiguousarray(self.values.T)
 
     def at(self, *sizes: ArrayLike) -> MapPoints:
-        """Return the motion at sizes, with bounds of its error.
+        """Return the motion at actual sizes, an argument each (of body 1 and body 2, say), with bounds of its error.
 
-        Parameters
-        ----------
-        *sizes : float or array
-            Actual sizes, one argument each (of body 1 and body 2, say), of one shape or of shapes that broadcast.
-
-        Returns
-        -------
-        MapPoints
-            nan and region -1 outside the box; sizes outside by no more than rounding are inside.
-
-        Raises
-        ------
-        InputError
-            For what is no numbers, another number of sizes, and shapes that do not broadcast.
+        Sizes are of one shape, or of shapes that broadcast. nan and region -1 outside the box; sizes outside by no more
+        than rounding are inside. An `InputError` for what is no numbers, another number of sizes, and shapes that do
+        not broadcast.
         """
         count = self.corners.shape[-1]
         try:
@@ -325,10 +281,7 @@ class Locator:
         return np.array([1.0 - sum(others), *others])
 
     def locate(self, points: Array) -> tuple[Ints, Array]:
-        """Return the first simplex that holds each point, (k, n), and barycentric coordinates there, (k + 1, n).
-
-        -1 and nan for what is in no simplex.
-        """
+        """Return the first simplex of each point, (k, n), and barycentric coordinates, (k + 1, n); -1, nan without."""
         (sizes, count), low, high = points.shape, self._low[:, None], self._high[:, None]
         within = (points >= low - self.rounding) & (points <= high + self.rounding)  # nan is not
         inside = np.flatnonzero(within.all(axis=0))

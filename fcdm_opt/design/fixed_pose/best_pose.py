@@ -500,10 +500,7 @@ def _proved(search: Search) -> float:
 def _searched(
     worst: Worst, best: Found, slack: float, accuracy: float, effort: int, *, amounts: bool, stop: bool = False
 ) -> Search:
-    """Look for the smallest motion into the window, or the pose whose worst gap is off least.
-
-    With `stop` until one is in the window.
-    """
+    """Look for the smallest motion into the window, with `stop` any, or the pose whose worst gap is off least."""
     limits = worst.limits
     if isinstance(worst, WorstContacts):
         known = worst.bound(slack, amounts=amounts) if effort else None

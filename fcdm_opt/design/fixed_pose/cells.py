@@ -84,10 +84,8 @@ class Search:
         return max(min(min(leaves, default=np.inf), self.value), 0.0 if self.amounts else self.worst.floor)
 
     def run(self, *, accuracy: float, near: float, most: int, settled: Callable[[], bool] = lambda: False) -> None:
-        """Halve cells until no pose is better than the best by `accuracy`, or there are `most` cells.
-
-        The accuracy is relative, and values as near to each other as `near` are equal; what is `settled` ends early.
-        """
+        """Halve cells until no pose is better than the best by `accuracy`, or there are `most` cells."""
+        # the accuracy is relative, and values as near to each other as `near` are equal; what is `settled` ends early
         heap, floor = list[tuple[float, int]](), 0.0 if self.amounts else self.worst.floor
         self._add([(self.limits[:, 0], self.limits[:, 1])], heap)
         while heap and len(self.nodes) < most and not settled():

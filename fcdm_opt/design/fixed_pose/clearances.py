@@ -43,33 +43,16 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EndOfRange(Plain):
-    """An extreme gap of the tolerance box.
+    """An extreme gap of the tolerance box."""
 
-    Attributes
-    ----------
-    gap : float
-        Length units; > 0 clearance, < 0 interference.
-    rho : (2,) or (k,) array
-        The sizes at which it is taken.
-    names : tuple of str
-        Of these sizes; "rho_1" and "rho_2" are the scales of both bodies, others are deviations from drawn.
-    parts : (i, j)
-        The part pair that has it, 0-based.
-    feature : str
-        What of body 1 and body 2 faces each other there, 1-based as all labels.
-    direction : (3,) array
-        From body 1 to body 2, world axes.
-    between : str
-        The feature in words.
-    """
-
-    gap: float
-    rho: Array
-    parts: tuple[int, int]
-    feature: str
-    direction: Array
+    gap: float  # length units; > 0 clearance, < 0 interference
+    rho: Array  # the sizes at which it is taken, (2,) or (k,)
+    parts: tuple[int, int]  # the part pair that has it, 0-based
+    feature: str  # what of body 1 and body 2 faces each other there, 1-based as all labels
+    direction: Array  # from body 1 to body 2, world axes, (3,)
+    # of these sizes; "rho_1" and "rho_2" are the scales of both bodies, others are deviations from drawn
     names: tuple[str, ...] = SCALES
-    between: str = ""
+    between: str = ""  # the feature in words
 
     def without_rounding(self, most: float) -> EndOfRange:
         """Return the same, touching where the gap is no more than digits leave open."""

@@ -70,10 +70,8 @@ def _level(rows, k, sizes, shift):
 
 @kernel
 def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
-    """Return the signed distance of a part pair, and write the direction that has it; no less than `enough` is asked.
-
-    Of parts that are apart it is the length of the least vector on the inner side of all planes.
-    """
+    """Return a part pair's signed distance, and write the direction that has it; no less than `enough` is asked."""
+    # of parts that are apart it is the length of the least vector on the inner side of all planes
     best, widest = -_INF, start
     for k in range(start, end):
         level = _level(rows, k, sizes, shift)
@@ -207,32 +205,16 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
     Over a cell without turns (`still`) a gap along a direction changes by what the shift has along it, so that rows
     alone tell all of the pairs in `near`; without vertices there are no others, and no turns.
 
-    Parameters
-    ----------
-    one, two : (n, 3) arrays
-        Vertices of both bodies about their seeds, part by part from `starts1`, `starts2`, where sizes are their scales.
-    counted : (parts 1, parts 2) flags
-        The part pairs that count.
-    rows, first, near
-        At the cell's centre, of the part pairs in `near`, (p, 2), that may have the least gap.
-    S : (k + 2, 12) array
-        Enclosure of the relative pose: centre, slopes, errors.
-    along_rows : bool
-        Whether the gap of parts that are apart is measured along rows, too.
-    sizes : (m, s) array
+    `one` and `two`, (n, 3), are the vertices of both bodies about their seeds, part by part from `starts1`, `starts2`,
+    where `sizes`, (m, s), are their scales. Flags, (parts 1, parts 2), tell which part pairs are `counted`. `rows` and
+    `first` are at the cell's centre, of the part pairs in `near`, (p, 2), that may have the least gap; with
+    `along_rows` the gap of parts that are apart is measured along rows, too. `S`, (k + 2, 12), encloses the relative
+    pose: centre, slopes, errors.
 
-    Returns
-    -------
-    bound, value : floats
-        Over the cell; and how far the worst of these gaps is off at its centre.
-    shares : (w,) array
-        Of the witnesses in the mixture.
-    kinds : (w, 3) ints
-        Kind, part pair (its place in `near`; -1 for a direction each) and size pair.
-    ways : (m, pairs, 3) array
-        Directions, of all part pairs i * parts 2 + j.
-    scores : (k,) array
-        How much each variable adds to what is lost between centre and bound.
+    Return the bound over the cell; how far the worst of these gaps is off at its centre; the shares of the witnesses in
+    the mixture, (w,); their kinds, (w, 3): kind, part pair (its place in `near`; -1 for a direction each) and size
+    pair; directions, (m, pairs, 3), of all part pairs i * parts 2 + j; and how much each variable adds to what is lost
+    between centre and bound, (k,).
     """
     k, m = len(S) - 2, len(sizes)
     corners, n1, n2 = 1 << k, len(starts1) - 1, len(starts2) - 1

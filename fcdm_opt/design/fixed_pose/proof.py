@@ -33,28 +33,16 @@ ROUNDS = 1.0 + 2.0**-40  # of sums of floats, relative
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseEvidence(Plain):
-    """Cells of poses and why each holds no better pose.
+    """Cells of poses and why each holds no better pose."""
 
-    Attributes
-    ----------
-    boxes : (m, 2, k) array
-        Lower and upper ends of the parameters; together they fill a box.
-    first : (m + 1,) ints
-        Where the witnesses of each cell begin; one without any is left out for its amount.
-    kinds, shares, parts, sizes : (w,), (w,), (w, 2), (w, 2) arrays
-        See `cells.Witnesses`.
-    way_first, ways : (w + 1,) ints, (d, 3) array
-        Directions of each witness.
-    """
-
-    boxes: Array
-    first: Ints
-    kinds: Ints
+    boxes: Array  # lower and upper ends of the parameters, (m, 2, k); together they fill a box
+    first: Ints  # where the witnesses of each cell begin, (m + 1,); one without any is left out for its amount
+    kinds: Ints  # of the w witnesses, as are `shares`, `parts`, (w, 2), and `sizes`, (w, 2): see `cells.Witnesses`
     shares: Array
     parts: Ints
     sizes: Array
-    way_first: Ints
-    ways: Array
+    way_first: Ints  # where the directions of each witness begin, (w + 1,)
+    ways: Array  # these directions, (d, 3)
 
     @classmethod
     def of(cls, search: Search) -> PoseEvidence:
@@ -174,7 +162,9 @@ class _PoseExaminer:
         margin = self._value(row, self._poses(low[None], high[None])[0]) - asked
         if margin >= -slack or not left:
             return margin
-        axis, least = self._bent(high - low), np.inf
+        lengths = (high - low) * self.worst.problem.weights
+        turns = self.worst.problem.motion.turning  # to which the mean value form loses what it loses
+        axis, least = int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths)), np.inf
         upper, lower = low.copy(), high.copy()
         upper[axis] = lower[axis] = 0.5 * low[axis] + 0.5 * high[axis]
         for a, b in ((low, lower), (upper, high)):
@@ -182,12 +172,6 @@ class _PoseExaminer:
             if least < -slack:
                 break
         return least
-
-    def _bent(self, width: Array) -> int:
-        """Return the parameter across which to halve: what the mean value form loses, it loses to turns."""
-        lengths = width * self.worst.problem.weights
-        turns = self.worst.problem.motion.turning
-        return int(np.argmax(np.where(turns, lengths, -1.0) if lengths[turns].any() else lengths))
 
     def _poses(self, low: Array, high: Array) -> Array:
         """Return centre, changes and error of each of the twelve numbers of poses over boxes, (n, 12, k + 2)."""

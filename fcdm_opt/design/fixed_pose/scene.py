@@ -73,32 +73,19 @@ class GapRows:
 
 
 class SizedBodies:
-    """Two bodies, and the sizes that they may have.
-
-    Attributes
-    ----------
-    vertices, starts : two arrays each
-        Of scaled bodies, about their seeds, part by part; empty of others.
-    reach : float
-        How far points of body 1 are from its seed at most.
-    nearest : float
-        How far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known.
-    covers : bool
-        Whether rows are known at all poses of a cell, however large.
-    permanent : mapping of (int, int) to Feature
-        Part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count.
-    apart : collection of (int, int)
-        Others that do not count.
-    """
+    """Two bodies, and the sizes that they may have."""
 
     names: tuple[str, ...] = SCALES
+    # of scaled bodies, about their seeds, part by part; empty of others
     vertices: Sequence[Array] = (np.empty((0, 3)), np.empty((0, 3)))
-    starts: Sequence[Ints] = (np.zeros(1, np.int64), np.zeros(1, np.int64))
-    reach: float
+    starts: Sequence[Ints] = (np.zeros(1, np.int64), np.zeros(1, np.int64))  # where each part's begin
+    reach: float  # how far points of body 1 are from its seed at most
+    # how far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known
     nearest: float = np.inf
-    covers: bool = True
+    covers: bool = True  # whether rows are known at all poses of a cell, however large
+    # part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count
     permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})
-    apart: Collection[tuple[int, int]] = ()
+    apart: Collection[tuple[int, int]] = ()  # others that do not count
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
         self.movable, self.static, self.sizes, self.apart = movable, static, sizes, apart
@@ -356,10 +343,7 @@ BodyGaps = Scales | OwnSizes
 
 
 def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
-    """Return the bodies of a problem made exact at points of their round faces, for scales or, without, its own sizes.
-
-    None where no round face is known.
-    """
+    """Return bodies made exact at points of round faces, for scales or, without, own sizes; None if none is known."""
     if sizes is None:
         found = TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
     else:

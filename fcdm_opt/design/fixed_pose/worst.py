@@ -50,27 +50,17 @@ class Worst:
     """The worst gap of a problem's bodies over all sizes: off(q) = max(most(q) - high, low - least(q)).
 
     With the window [0, 0] it is the largest |gap|; its ends are infinite where it is open.
-
-    Attributes
-    ----------
-    solid : Body or None
-        The other body, where only its surface is known: a pose inside of it is none.
-    limits : (k, 2) array
-        Of the parameters; default the problem's.
-    active : (m, s) array
-        Sizes that were extreme at a pose looked at: a list that grows.
-    keep_out : tuple of Worst
-        Of the movable body and each keep-out, whose window is the clearance and more.
     """
 
     problem: Problem
     scene: BodyGaps
     low: float = 0.0
     high: float = 0.0
-    limits: Array = field(default_factory=lambda: np.empty((0, 2)))
+    limits: Array = field(default_factory=lambda: np.empty((0, 2)))  # of the parameters, (k, 2); default the problem's
+    # sizes that were extreme at a pose looked at, (m, s): a list that grows
     active: Array = field(default_factory=lambda: np.empty((0, 0)))
-    keep_out: tuple[Worst, ...] = ()
-    solid: Body | None = None
+    keep_out: tuple[Worst, ...] = ()  # of the movable body and each keep-out, whose window is the clearance and more
+    solid: Body | None = None  # the other body, where only its surface is known: a pose inside of it is none
     is_program: ClassVar[bool] = False  # whether a linear program tells the best pose
 
     def __post_init__(self) -> None:
@@ -82,10 +72,8 @@ class Worst:
 
     @classmethod
     def of(cls, problem: Problem, sizes: Sizes | None, low: float, high: float, true: TrueSizes | None = None) -> Worst:
-        """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes.
-
-        With `true` of bodies that are exact at points of their round faces.
-        """
+        """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
+        # with `true` of bodies that are exact at points of their round faces
         if sizes is not None:
             near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
             bodies = (problem.movable, problem.static) if true is None else true.bodies
@@ -117,10 +105,8 @@ class Worst:
         return cls(problem, scene, low, high, limits, keep_out=near)
 
     def leave_out_permanent(self, also: Sequence[Array] = ()) -> None:
-        """Do not count contacts that are closed at all sizes at rest, wherever the motion leads near by, and elsewhere.
-
-        `also` are parameters of poses further away, at which they are closed, too.
-        """
+        """Do not count contacts closed at all sizes at rest, wherever the motion leads near by, and elsewhere."""
+        # `also` are parameters of poses further away, at which they are closed, too
         count = len(self.limits)
         near = NEAR_REST * self.scene.size / self.problem.motion.weights(self.scene.movable.size / 2.0)
         q = near * np.random.default_rng(5).uniform(-1.0, 1.0, (POSES, count))
@@ -222,11 +208,9 @@ class Worst:
 
 @dataclass(eq=False)
 class WorstContacts(Worst):
-    """The same of all contacts as drawn, of two parts or of an assembly, whose rows are a program of the pose.
+    """The same of all contacts as drawn, of two parts or of an assembly, whose rows are a program of the pose."""
 
-    Where the motion only shifts it is a linear one: its best pose is the best there is.
-    """
-
+    # where the motion only shifts it is a linear one: its best pose is the best there is
     problem: Any
     scene: Any
     columns: tuple[list[int], ...] = ()
@@ -363,10 +347,8 @@ def domain(worst: Worst, most: float, amount: float) -> Array:
 
 
 def _reached(problem: Problem, limits: Array, radius: float) -> Array:
-    """Return limits narrowed to what leads the seed of body 1 into a ball about that of body 2.
-
-    Each turn about a fixed point keeps a seed on its sphere: it is before all translations, or after them.
-    """
+    """Return limits narrowed to what leads the seed of body 1 into a ball about that of body 2."""
+    # each turn about a fixed point keeps a seed on its sphere: it is before all translations, or after them
     one, two = np.array(problem.movable.seed), np.array(problem.static.seed)
     before, after = (one, 0.0), (two, radius)
     shifts, rests = list[tuple[float, ...] | None](), list[Array]()

@@ -104,16 +104,12 @@ def _solved(problem: Scene, certify: bool, effort: Any) -> tuple[Any, dict[str, 
 
 def _answer(key: str, solution: Bounded) -> Row:
     certificate, empty = solution.certificate, row(key, solution.status.name, solution.advice)
+    # None for nan; infinite bounds of what is infeasible stay infinite
+    numbers = {name: float(getattr(solution, name, math.nan)) for name in ("amount", "lower_bound", "pair_gap")}
     return {
         **empty,
-        **{name: _number(getattr(solution, name, math.nan)) for name in ("amount", "lower_bound", "pair_gap")},
+        **{name: None if math.isnan(value) else value for name, value in numbers.items()},
         **{name: plain(getattr(solution, name, empty[name])) for name in AS_PLAIN},
         "parameters": plain(solution.coordinates),
         "checks_failed": [check.name for check in certificate.failed] if certificate else [],
     }
-
-
-def _number(value: float) -> float | None:
-    """Return a plain number, None for nan; infinite bounds of what is infeasible stay infinite."""
-    value = float(value)
-    return None if math.isnan(value) else value

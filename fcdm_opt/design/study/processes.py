@@ -113,10 +113,8 @@ class _Process:
         return self._process.poll() is None
 
     def ask(self, work: Callable[..., Any], *given: Any, limit: float | None = None) -> Any:
-        """Return what a function gives, True for None; None where the process was lost, or took longer: it has ended.
-
-        What the function raises is raised here.
-        """
+        """Return what a function gives, True for None; None where the process was lost, or took longer: it is ended."""
+        # what the function raises is raised here
         try:
             self._pipe.send((work, given))
             answer = self._pipe.recv() if self._pipe.poll(limit) else None

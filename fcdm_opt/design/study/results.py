@@ -44,22 +44,12 @@ TABLES = ("modelled", "seconds")
 
 
 class Share(NamedTuple):
-    """How many points a motion within the budget was found for.
+    """How many points a motion within the budget was found for."""
 
-    Attributes
-    ----------
-    share : float
-        Of the points that were worked out; failures count as not within.
-    interval : tuple of float
-        Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs.
-    within, of : int
-        Points.
-    confidence, budget : float
-    """
-
-    share: float
+    share: float  # of the points that were worked out; failures count as not within
+    # Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs
     interval: tuple[float, float]
-    within: int
+    within: int  # points, as is `of`
     of: int
     confidence: float
     budget: float

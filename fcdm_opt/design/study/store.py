@@ -110,10 +110,8 @@ class Store(AbstractContextManager["Store"]):
                 raise InputError("taken away while a run was writing to it", file=path, allowed="running it again")
 
     def _put_away(self) -> None:
-        """Leave a store of one file: readers of one that is ready for writers leave files beside it.
-
-        Not where somebody reads it now, or the files were taken away: then the next run does.
-        """
+        """Leave a store of one file: readers of one that is ready for writers leave files beside it."""
+        # not where somebody reads it now, or the files were taken away: then the next run does
         with suppress(InputError, OSError, sqlite3.Error):
             self._check_place()
             self._base.execute("PRAGMA busy_timeout = 0")

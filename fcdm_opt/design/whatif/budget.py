@@ -80,65 +80,39 @@ class End(Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Budget(Plain):
-    """The largest tolerance of one requirement.
-
-    Attributes
-    ----------
-    requirement : str
-        A letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
-        assembly's parts "made" (which way they are off), "larger" or "smaller". `corner` tells which sizes: "worst"
-        is that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps at once.
-    tolerance : float
-        All tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
-        may be good all the same, see `bracket`. Of sizes the largest deviation of a length (of a scale, where there are
-        no lengths), those of the others in proportion.
-    table : (2, 2) or (k, 2) array
-        What it means for each body, minus and plus, or each size, least and largest deviation: `tolerance` times the
-        shape. Of an assembly's scales twice the deviation of each part.
-    end : End
-        What is wrong just above it; or that the time given was over, so that larger ones may be good.
-    solution : Solution or None
-        At `tolerance`, None where that is 0 and the parts as drawn are not good, or the question does not hold there.
-    above : Solution or None
-        At the upper end of the bracket, None where the largest tolerance looked at is good.
-    bracket : (float, float)
-        The last tolerance found good and the first found bad; both 0 where parts as drawn are not good.
-    limit : float or None
-    points : int
-        Tolerances that were solved.
-    proved : bool
-        Whether all smaller tolerances are proved good; else they are sampled.
-    reason : str
-        Why it is proved, or how it was sampled.
-    spacing : float
-        Widest gap between tolerances that were looked at, 0 where `proved`.
-    sizes : tuple of str
-        Names of the rows of `table`, sizes or parts of an assembly; none where these are the scales of both bodies.
-    unit : str
-        Of lengths, "" where the problem names none.
-    permanent : tuple of str
-        Contacts that are closed at all sizes looked at, a flange on its plate, where corners are of gaps.
-    """
+    """The largest tolerance of one requirement."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "requirement", "corner", "tolerance", "table", "end", "advice", "amount", "parameters", "bracket", "limit",
         "points", "proved", "end_proved", "reason", "spacing", "permanent",
     )  # fmt: skip
 
+    # a letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
+    # assembly's parts "made" (which way they are off), "larger" or "smaller". `corner` tells which sizes: "worst" is
+    # that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps at once
     requirement: str
+    # all tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
+    # may be good all the same, see `bracket`. Of sizes the largest deviation of a length (of a scale, where there are
+    # no lengths), those of the others in proportion
     tolerance: float
+    # what it means for each body, minus and plus, (2, 2), or each size, least and largest deviation, (k, 2):
+    # `tolerance` times the shape. Of an assembly's scales twice the deviation of each part
     table: Array
-    end: End
+    end: End  # what is wrong just above it; or that the time given was over, so that larger ones may be good
+    # at `tolerance`, None where that is 0 and the parts as drawn are not good, or the question does not hold there
     solution: Bounded | None
-    above: Bounded | None
+    above: Bounded | None  # at the upper end of the bracket, None where the largest tolerance looked at is good
+    # the last tolerance found good and the first found bad; both 0 where parts as drawn are not good
     bracket: tuple[float, float]
     limit: float | None
-    points: int
-    proved: bool
-    reason: str
-    spacing: float
+    points: int  # tolerances that were solved
+    proved: bool  # whether all smaller tolerances are proved good; else they are sampled
+    reason: str  # why it is proved, or how it was sampled
+    spacing: float  # widest gap between tolerances that were looked at, 0 where `proved`
+    # names of the rows of `table`, sizes or parts of an assembly; none where these are the scales of both bodies
     sizes: tuple[str, ...] = ()
-    unit: str = ""
+    unit: str = ""  # of lengths, "" where the problem names none
+    # contacts that are closed at all sizes looked at, a flange on its plate, where corners are of gaps
     permanent: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -216,25 +190,14 @@ class Budget(Plain):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Budgets(Mapping[str, Budget]):
-    """A budget for each requirement: a mapping from its letter.
-
-    Attributes
-    ----------
-    problem : Problem or Assembly
-    limit : float or None
-    shape : (2, 2) or (k, 2) array
-        Tolerances of the bodies, minus and plus, at tau = 1; the largest is 1. Or deviations of sizes.
-    largest : float
-        Tolerance up to which was looked.
-    each : dict
-        Letter -> `Budget`.
-    """
+    """A budget for each requirement: a mapping from its letter."""
 
     problem: Scene = field(repr=False)
     limit: float | None
+    # tolerances of the bodies, minus and plus, at tau = 1, (2, 2); the largest is 1. Or deviations of sizes, (k, 2)
     shape: Array
-    largest: float
-    each: Mapping[str, Budget]
+    largest: float  # tolerance up to which was looked
+    each: Mapping[str, Budget]  # letter -> `Budget`
 
     def __getitem__(self, letter: str) -> Budget:
         return self.each[letter]

@@ -53,31 +53,17 @@ def contained() -> dict[str, tuple[str, ...]]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FamilyRow(PlainMotion):
-    """One family.
-
-    Attributes
-    ----------
-    name : str
-    motion : Motion or None
-        None of an assembly as given, whose parts have a motion each.
-    solution : Solution, AssemblySolution or None
-        None where the question does not hold for the family.
-    dropped : tuple of str
-        What the question says of parameters that the family does not have: "limits.TX", "weights.RZ".
-    tied : tuple of str
-        Usable families of the same amount, within `Tolerances.tied`.
-    note : str
-        Why the question does not hold; or which family, though part of this one, was found cheaper.
-    """
+    """One family."""
 
     plain_names: ClassVar[tuple[str, ...]] = ("status", "dropped", "tied", "note")
 
     name: str
-    motion: Motion | None
-    solution: Bounded | None
+    motion: Motion | None  # None of an assembly as given, whose parts have a motion each
+    solution: Bounded | None  # None where the question does not hold for the family
+    # what the question says of parameters that the family does not have: "limits.TX", "weights.RZ"
     dropped: tuple[str, ...] = ()
-    tied: tuple[str, ...] = ()
-    note: str = ""
+    tied: tuple[str, ...] = ()  # usable families of the same amount, within `Tolerances.tied`
+    note: str = ""  # why the question does not hold; or which family, though part of this one, was found cheaper
 
     @property
     def status(self) -> str:
@@ -108,20 +94,13 @@ class FamilyRow(PlainMotion):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Comparison(ShortRepr, Plain):
-    """Families of motions, cheapest first; those without a usable motion last.
-
-    Attributes
-    ----------
-    problem : Problem or Assembly
-    length : float
-        Length that turns radians into lengths, the same for all families; of an assembly the least of its parts'.
-    table : tuple of FamilyRow
-    """
+    """Families of motions, cheapest first; those without a usable motion last."""
 
     plain_names: ClassVar[tuple[str, ...]] = ("length", "best", "rows")
     plain_kinds: ClassVar[Mapping[str, Any]] = {"best": str | None, "rows": tuple[FamilyRow, ...]}
 
     problem: Scene = field(repr=False)
+    # length that turns radians into lengths, the same for all families; of an assembly the least of its parts'
     length: float
     table: tuple[FamilyRow, ...]
 

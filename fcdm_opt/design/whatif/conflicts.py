@@ -23,31 +23,7 @@ from fcdm_opt.problem.solution import Bounded, Status
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conflicts(Plain):
-    """Why a problem has no motion.
-
-    Attributes
-    ----------
-    problem : Problem or Assembly
-    constraints : tuple of Constraint
-        All that the problem has.
-    clashes : tuple of Clash
-        The smallest sets that clash, by number of constraints; the problem may have larger ones besides. One that is
-        empty says that the motion alone cannot do it.
-    complete : bool
-        Whether these are all of that size, and none is smaller.
-    relaxations : tuple of LeastRelaxation
-        One for each constraint of the clashes.
-    deviation : LeastRelaxation or None
-        How much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
-        that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled:
-        a larger deviation can be easier.
-    trials : tuple of Trial
-        Where the motion alone cannot do it: whether others, or another goal, can.
-    solves : int
-    seconds : float
-    stopped : str
-        At what the time given was over, where it was: what is missing was not looked for to the end.
-    """
+    """Why a problem has no motion."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
@@ -56,15 +32,20 @@ class Conflicts(Plain):
     plain_kinds: ClassVar[Mapping[str, Any]] = {"constraints": tuple[str, ...]}
 
     problem: Scene = field(repr=False)
-    constraints: tuple[Constraint, ...]
+    constraints: tuple[Constraint, ...]  # all that the problem has
+    # the smallest sets that clash, by number of constraints; the problem may have larger ones besides. One that is
+    # empty says that the motion alone cannot do it
     clashes: tuple[Clash, ...]
-    complete: bool
-    relaxations: tuple[LeastRelaxation, ...] = ()
+    complete: bool  # whether these are all of that size, and none is smaller
+    relaxations: tuple[LeastRelaxation, ...] = ()  # one for each constraint of the clashes
+    # how much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
+    # that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled: a
+    # larger deviation can be easier
     deviation: LeastRelaxation | None = None
-    trials: tuple[Trial, ...] = ()
+    trials: tuple[Trial, ...] = ()  # where the motion alone cannot do it: whether others, or another goal, can
     solves: int
     seconds: float
-    stopped: str = ""
+    stopped: str = ""  # at what the time given was over, where it was: what is missing was not looked for to the end
 
     def __str__(self) -> str:
         lines = list(filter(None, (verdict(self.problem) or unlike_steps(self.problem),)))  # what `solve` says of it

@@ -33,48 +33,24 @@ Rates = Sensitivity | AssemblySensitivity
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """One constraint of a problem or an assembly.
+    """One constraint of a problem or an assembly."""
 
-    Attributes
-    ----------
-    name : str
-        As `Solution.active` has it where that names the same.
-    changed : callable
-        Returns a problem with this constraint relaxed by any amount up to `most`, which drops it.
-    excess : callable
-        Returns by how much a motion passes it, not above 0 where it keeps it, of a solution and the judge's certificate
-        of its motion in the whole problem.
-    value : float
-        The limit or clearance, in its unit; nan for what is no number.
-    unit : "length", "radian", "halvings" or ""
-        Of its relaxation; empty where it can only be dropped.
-    includes : str
-        Name of the weaker constraint that comes with it; empty where none does.
-    parameter : str
-        The parameter that it limits; empty for all else.
-    most : float
-        Largest relaxation: the clearance itself for a clearance, else infinite.
-    outward : float
-        What the limit or clearance grows by per unit of relaxation; nan where that is no number.
-    slack : float
-        By how much, in its unit, the judge lets it be passed.
-    kept_at_rest : bool
-        Whether it is a limit that no motion at all keeps.
-    rate : callable
-        Returns what the amount falls by, to first order, per unit of relaxation, of a sensitivity; nan where unknown.
-    """
-
-    name: str
+    name: str  # as `Solution.active` has it where that names the same
+    # returns a problem with this constraint relaxed by any amount up to `most`, which drops it
     changed: Callable[[Any, float], Any]
+    # returns by how much a motion passes it, not above 0 where it keeps it, of a solution and the judge's certificate
+    # of its motion in the whole problem
     excess: Callable[[Any, Certificate], float]
-    value: float = math.nan
-    unit: str = ""
-    includes: str = ""
-    parameter: str = ""
-    most: float = math.inf
+    value: float = math.nan  # the limit or clearance, in its unit; nan for what is no number
+    unit: str = ""  # of its relaxation: "length", "radian", "halvings", or empty where it can only be dropped
+    includes: str = ""  # name of the weaker constraint that comes with it; empty where none does
+    parameter: str = ""  # the parameter that it limits; empty for all else
+    most: float = math.inf  # largest relaxation: the clearance itself for a clearance, else infinite
+    # what the limit or clearance grows by per unit of relaxation; nan where that is no number
     outward: float = math.nan
-    slack: float = 0.0
-    kept_at_rest: bool = False
+    slack: float = 0.0  # by how much, in its unit, the judge lets it be passed
+    kept_at_rest: bool = False  # whether it is a limit that no motion at all keeps
+    # returns what the amount falls by, to first order, per unit of relaxation, of a sensitivity; nan where unknown
     rate: Callable[[Any], float] = lambda _: math.nan
 
 

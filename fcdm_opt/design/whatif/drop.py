@@ -21,38 +21,24 @@ from fcdm_opt.tolerances import DEFAULT
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Dropped(PlainMotion):
-    """The question without one constraint, or with another goal.
-
-    Attributes
-    ----------
-    name : str
-        The constraint's name as `constraints` has it, or `goal "touch"`.
-    solution : Solution or AssemblySolution
-        Of the question so changed.
-    amount : float
-        Its least amount; nan where none was found.
-    saving : float
-        How much smaller that is; 0 where dropping the constraint changes nothing to within `Tolerances.tied`. Of
-        another goal negative where that asks for more.
-    excess : float
-        By how much the motion without the constraint passes it, in its unit; infinite where there is no amount, nan
-        without a motion, or for a goal.
-    rate : float
-        What the amount falls by, to first order, per unit by which the constraint is relaxed (see `Sensitivity`); nan
-        where it does not exist.
-    estimate : float
-        The saving that `rate` gives over `excess`; nan where either does not exist. Where the amount is a convex
-        function of the relaxation the saving is no larger.
-    """
+    """The question without one constraint, or with another goal."""
 
     plain_names: ClassVar[tuple[str, ...]] = ("name", "amount", "saving", "excess", "rate", "estimate")
 
-    name: str
-    solution: Bounded = field(repr=False)
-    amount: float
+    name: str  # the constraint's name as `constraints` has it, or `goal "touch"`
+    solution: Bounded = field(repr=False)  # of the question so changed
+    amount: float  # its least amount; nan where none was found
+    # how much smaller that is; 0 where dropping the constraint changes nothing to within `Tolerances.tied`. Of another
+    # goal negative where that asks for more
     saving: float
+    # by how much the motion without the constraint passes it, in its unit; infinite where there is no amount, nan
+    # without a motion, or for a goal
     excess: float = math.nan
+    # what the amount falls by, to first order, per unit by which the constraint is relaxed (see `Sensitivity`); nan
+    # where it does not exist
     rate: float = math.nan
+    # the saving that `rate` gives over `excess`; nan where either does not exist. Where the amount is a convex function
+    # of the relaxation the saving is no larger
     estimate: float = math.nan
 
     @property
@@ -74,25 +60,13 @@ class Dropped(PlainMotion):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Costs(Plain):
-    """Which constraint of a solvable problem costs how much.
-
-    Attributes
-    ----------
-    solution : Solution or AssemblySolution
-        With all constraints.
-    rows : tuple of Dropped
-        One for each constraint, the largest saving first.
-    goals : tuple of Dropped
-        One for each other goal that a problem of two parts can have, the largest saving first, those without a motion
-        last.
-    solves : int
-    seconds : float
-    """
+    """Which constraint of a solvable problem costs how much."""
 
     plain_names: ClassVar[tuple[str, ...]] = ("amount", "rows", "goals", "free", "solves", "seconds")
 
-    solution: Bounded = field(repr=False)
-    rows: tuple[Dropped, ...]
+    solution: Bounded = field(repr=False)  # with all constraints
+    rows: tuple[Dropped, ...]  # one for each constraint, the largest saving first
+    # of each other goal that a problem of two parts can have, the largest saving first, those without a motion last
     goals: tuple[Dropped, ...]
     solves: int
     seconds: float
@@ -148,10 +122,8 @@ def drop(problem: Scene | Bounded) -> Costs:
 
 
 def _without(solution: Any, constraint: Constraint) -> Dropped:
-    """Return what a constraint costs.
-
-    The motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing.
-    """
+    """Return what a constraint costs."""
+    # the motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing
     problem, name, rate = solution.question, constraint.name, constraint.rate(solution.sensitivity)
     without_it = solve(without(problem, [name]), effort="quick")
     if not (without_it.usable and without_it.amount < solution.amount * (1.0 - DEFAULT.tied)):

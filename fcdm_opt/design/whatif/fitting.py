@@ -26,10 +26,8 @@ UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 def narrowed(
     holds: Callable[[float], bool], low: float, high: float, done: Callable[[float, float], bool]
 ) -> tuple[float, float]:
-    """Return a narrower bracket of a place where something ends to hold, by bisection until `done` says so.
-
-    It is known to hold at `low`, and not to at `high`.
-    """
+    """Return a narrower bracket of a place where something ends to hold, by bisection until `done` says so."""
+    # it is known to hold at `low`, and not to at `high`
     while not done(low, high):
         middle = (low + high) / 2.0
         low, high = (middle, high) if holds(middle) else (low, middle)

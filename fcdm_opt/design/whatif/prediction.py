@@ -27,22 +27,14 @@ DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resoluti
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction(Plain):
-    """What the derivatives of a solved problem predict.
+    """What the derivatives of a solved problem predict."""
 
-    Attributes
-    ----------
-    amount : float
-        That of the motion which the derivatives of the motion predict, where sizes alone are changed and these are
-        known; else the amount before plus all `terms`. Length units; nan where one of them is.
-    terms : dict
-        What was changed -> what it adds to the amount, to first order; nan where there is no derivative by it.
-    reasons : tuple of str
-        Why a term is nan, or why the prediction may hold for smaller changes only.
-    """
-
+    # that of the motion which the derivatives of the motion predict, where sizes alone are changed and these are known;
+    # else the amount before plus all `terms`. Length units; nan where one of them is
     amount: float
+    # what was changed -> what it adds to the amount, to first order; nan where there is no derivative by it
     terms: Mapping[str, float] = field(default_factory=dict)
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()  # why a term is nan, or why the prediction may hold for smaller changes only
 
 
 BY_SIZE, IN_WORDS = ("scales", "made"), ("name", "unit")  # arguments of an assembly: with derivatives, and only shown
@@ -51,10 +43,8 @@ Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason
 
 
 def prediction(before: Any, problem: Any) -> Prediction:
-    """Return the amount of a changed question, `problem`, to first order.
-
-    Right to second order in the changes while the same constraints hold the motion.
-    """
+    """Return the amount of a changed question, `problem`, to first order."""
+    # right to second order in the changes while the same constraints hold the motion
     several = isinstance(before, AssemblySolution)
     discrete = [] if several else [*_discrete(before.problem.restoring or before.problem, problem)]
     told = discrete
@@ -73,10 +63,8 @@ def prediction(before: Any, problem: Any) -> Prediction:
 
 
 def _of_motion(before: Any, new: Any) -> float | None:
-    """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed.
-
-    It is right across motions at which the amount has a kink, as where a part is moved the other way.
-    """
+    """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed."""
+    # it is right across motions at which the amount has a kink, as where a part is moved the other way
     old, rates = before.question, before.sensitivity
     old = getattr(old, "restoring", None) or old
     others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
@@ -151,10 +139,8 @@ def _changes(before: Solution, new: Problem) -> Told:
 
 
 def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
-    """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself.
-
-    A nominal switching point that moves with the geometry is in the derivatives by the geometry.
-    """
+    """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself."""
+    # a nominal switching point that moves with the geometry is in the derivatives by the geometry
     if old.requirement is None or new.requirement is None:
         if not np.array_equal(old.target, new.target):
             yield _told("target", rates.target, new.target - old.target)
@@ -198,10 +184,8 @@ def _limits(before: Solution, new: Problem) -> Told:
 
 
 def _freed(name: str, rate: float, moves: Array) -> Told:
-    """Yield what it adds that a parameter held at one value may be in a range about it: its best end, if it has one.
-
-    Equal limits are one datum, with one derivative.
-    """
+    """Yield what it adds that a parameter held at one value may be in a range about it: its best end, if it has one."""
+    # equal limits are one datum, with one derivative
     if not moves.any():
         return
     label, best = f"limits.{name}", float((rate * moves).min()) if rate else 0.0

@@ -47,71 +47,42 @@ SHARES = 8  # of the deviation from nominal that are tried before the largest th
 
 @dataclass(frozen=True, kw_only=True)
 class Clash(Plain):
-    """A set of constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one.
+    """Constraints with which alone the goal is impossible, while each can be dropped, or made its weaker one."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        As `constraints` names them; a keep-out's clearance includes the keep-out. Empty: the motion cannot do it at
-        all.
-    proved : bool
-        Whether it is proved that no motion keeps them; otherwise none was found.
-    status : Status
-        How the solve with these alone ended.
-    sizes : tuple of str
-        The sizes made that are off drawn, with which it is so: each that would undo it as drawn, or, where none would
-        without others, all.
-    reason : str
-        Of several contacts that are restored together, what overlaps where these are closed, see `violated`.
-    """
-
+    # as `constraints` names them; a keep-out's clearance includes the keep-out. Empty: the motion cannot do it at all
     names: tuple[str, ...]
-    proved: bool
-    status: Status
+    proved: bool  # whether it is proved that no motion keeps them; otherwise none was found
+    status: Status  # how the solve with these alone ended
+    # the sizes made that are off drawn, with which it is so: each that would undo it as drawn, or, where none would
+    # without others, all
     sizes: tuple[str, ...] = ()
+    # of several contacts that are restored together, what overlaps where these are closed, see `violated`
     reason: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeastRelaxation(PlainMotion):
-    """The least relaxation of one constraint, all others kept, that makes the problem solvable.
-
-    Attributes
-    ----------
-    name : str
-    cures : bool
-        Whether relaxing or dropping this constraint alone makes the problem solvable.
-    by : float
-        Least relaxation that does, in `unit`: how far a limit is widened or a clearance reduced; for "whole steps" how
-        often the steps are halved. Infinite where only dropping it does, nan where it cures nothing.
-    value : float
-        The limit or clearance that is left; nan where it is no number.
-    unit : "length", "radian", "halvings" or ""
-    failing : float
-        Largest relaxation that is known not to do; `by` is above it by `Tolerances.requirement`, relative, or what the
-        judge lets pass; by more, which `note` tells, where answers in between are neither motions nor proofs.
-    impossible : float
-        Largest relaxation that is proved not to do; infinite where it is proved that the constraint cures nothing, nan
-        where nothing is proved. Close to the least one, proofs take too long.
-    solution : Solution, AssemblySolution or None
-        The least motion of the problem so relaxed.
-    note : str
-        What else there is to say.
-    """
+    """The least relaxation of one constraint, all others kept, that makes the problem solvable."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "name", "cures", "by", "value", "unit", "failing", "impossible", "note",
     )  # fmt: skip
 
     name: str
-    cures: bool
+    cures: bool  # whether relaxing or dropping this constraint alone makes the problem solvable
+    # least relaxation that does, in `unit`: how far a limit is widened or a clearance reduced; for "whole steps" how
+    # often the steps are halved. Infinite where only dropping it does, nan where it cures nothing
     by: float = math.nan
-    value: float = math.nan
-    unit: str = ""
+    value: float = math.nan  # the limit or clearance that is left; nan where it is no number
+    unit: str = ""  # "length", "radian", "halvings" or ""
+    # largest relaxation that is known not to do; `by` is above it by `Tolerances.requirement`, relative, or what the
+    # judge lets pass; by more, which `note` tells, where answers in between are neither motions nor proofs
     failing: float = 0.0
+    # largest relaxation that is proved not to do; infinite where it is proved that the constraint cures nothing, nan
+    # where nothing is proved. Close to the least one, proofs take too long
     impossible: float = math.nan
-    solution: Bounded | None = None
-    note: str = ""
+    solution: Bounded | None = None  # the least motion of the problem so relaxed
+    note: str = ""  # what else there is to say
 
     @property
     def amount(self) -> float:
@@ -139,18 +110,11 @@ def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 9) -> str
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trial(PlainMotion):
-    """Another question that was asked where the motion alone cannot do it.
-
-    Attributes
-    ----------
-    change : str
-        What was changed, with all constraints dropped.
-    solution : Solution or AssemblySolution
-    """
+    """Another question that was asked where the motion alone cannot do it."""
 
     plain_names: ClassVar[tuple[str, ...]] = ("change",)
 
-    change: str
+    change: str  # what was changed, with all constraints dropped
     solution: Bounded
 
     def __str__(self) -> str:
@@ -385,10 +349,8 @@ class ClashSearch:
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
 
     def _nearest(self, constraint: Constraint, most: float) -> float:
-        """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least.
-
-        It passes the limit by least where rest keeps that: all motions are then beyond it.
-        """
+        """Return by how much the motion with the least size of a parameter passes its limit; infinite if not least."""
+        # it passes the limit by least where rest keeps that: all motions are then beyond it
         if not constraint.kept_at_rest or isinstance(self.problem, Assembly):  # whose parts have one weight each
             return math.inf
         weights = {own.name: own.weight * LIGHT for own in self.problem.coordinates}
