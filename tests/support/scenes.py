@@ -257,18 +257,18 @@ SCENES = {
     "size: faces": Scene(
         ask=_sized(TOP, ALL), amount=lambda d, e: d + e, sizes=("top", "all"),
         touches=(-3.0, 0.01),
-        worst=WIDE,  # from below, where the top of the table does not matter
+        worst=2.0 * WIDE,
     ),
     "one size": Scene(
         ask=_sized(TOP), amount=lambda d: d, sizes=("top",),
         touches=(-3.0, 0.01),
-        worst=0.0,  # from below, where it does not matter
+        worst=WIDE,
     ),
     "three sizes": Scene(  # of which the last one matters to nothing
         ask=_sized(TOP, ALL, _size("wide", "static", scale="x")), amount=lambda d, e, _: d + e,
         sizes=("top", "all", "wide"),
         touches=(-3.0, 0.01),
-        worst=WIDE,
+        worst=2.0 * WIDE,
     ),
     "size: axis": Scene(
         ask=_sized(_size("height", "static", scale="z"), ALL), amount=lambda d, e: 0.5 * d + e, sizes=("height", "all"),
