@@ -236,7 +236,7 @@ def pose(asked: Asked) -> None:
     Of six parameters the search is cut short, and of round faces that it is the best is not proved.
     """
     question, turning = asked.question, asked.name == "six parameters"
-    if asked.name == "own motion" or asked.scene.touches[0] == -3.0:
+    if isinstance(question, fo.Problem) and (asked.name == "own motion" or asked.scene.touches[0] == -3.0):
         # a function's displacement is not known: what is looked at is; and that above the table nothing is better is
         # proved where the pose below it, at which its top does not matter, is no answer
         question = question.with_limits("TZ", (-1.0, 1.0))
