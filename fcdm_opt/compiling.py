@@ -70,7 +70,7 @@ Needed = set[tuple[str, str, tuple[Any, ...]]]
 """Compiled code that other code calls: module, name and types of each kernel."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
-COMPILING = 2.0e-4
+COMPILING = 3.6e-4
 IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
 SHORTEST = 1e-4  # seconds that a call counts at least
