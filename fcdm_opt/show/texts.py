@@ -255,13 +255,18 @@ def advised(case: SolvedCase) -> str:
     """
     told, fits, of_mesh = case.solution.advice, case.fits_up_to, case.solution.left_by_mesh
     told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
+    from fcdm_opt.problem.fit import sizes_that_lack
+
+    problem = case.solution.problem
+    if case.solution.status is Status.INFEASIBLE and (names := sizes_that_lack(problem)):
+        told = told.replace(Status.INFEASIBLE.value, f"Proved impossible with this motion: change {' or '.join(names)}.")
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
     if fits is None:
         return told
-    table = case.solution.problem.tolerance
+    table = problem.tolerance
     if not fits > 0.0 or table is None:
-        return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
+        return f"{told} The parts fit at no tolerance: {_unfit(problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
     return f"{told} {'As meshed, the' if of_mesh else 'The'} parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
