@@ -52,7 +52,7 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
     if problem.request.get("made") == "worst" and sum(map(bool, problem.made.values())) > 1:
-        told.append(GoodNews('made "worst": sizes without a part in the least gap are at the next contact\'s least one'))
+        told.append(GoodNews('made "worst": sizes without a part in the least gap are at that of the next contact'))
     overlaps = not solution.status.found and solution.pair_gap < 0.0
     if overlaps and answered_exactly(problem) and known_gaps(problem):
         depth = measured(number_text(-solution.pair_gap, 4), unit)

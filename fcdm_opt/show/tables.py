@@ -367,8 +367,6 @@ def print_judged(certificate: Certificate) -> None:
     count, failed = len(certificate.checks), "; ".join(each)
     passed = f"judged with parts made anew at other sizes: all {count} checks passed"
     print_text(f"NOT VERIFIED, do not use it: failed {failed}" if failed else passed, indent="   ")
-    if failed:
-        print_text()
 
 
 def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "") -> None:

@@ -259,7 +259,8 @@ def advised(case: SolvedCase) -> str:
 
     problem = case.solution.problem
     if case.solution.status is Status.INFEASIBLE and (names := sizes_that_lack(problem)):
-        told = told.replace(Status.INFEASIBLE.value, f"Proved impossible with this motion: change {' or '.join(names)}.")
+        cure = f"Proved impossible with this motion: change {' or '.join(names)}."
+        told = told.replace(Status.INFEASIBLE.value, cure)
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
     if fits is None:

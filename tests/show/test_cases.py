@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
-from fcdm_opt.show.report.sizes import size_rows
 from fcdm_opt.cli import app
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
+from fcdm_opt.show.report.sizes import size_rows
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -154,7 +154,7 @@ def test_a_motion_longer_than_a_cell_stands_whole_in_its_card() -> None:
 
 
 def test_two_pins_had_no_diameter_and_an_axis_no_place() -> None:
-    """Pins of 5.96 at x = -41 and 41: one diameter, and where the second stands along x; all facets, those along x too."""
+    """Pins of 5.96 at x = -41 and 41: one diameter, and where they stand along x or y."""
     pins = [fo.Cylinder(2.98, 14, base=(x, 3, 0)) for x in (-41, 41)]
     case = fo.joined(fo.Box((100, 60, 8), name="case"), *pins)
     both = ["cylinder radius 2.98 no. 1", "cylinder radius 2.98 no. 2"]

@@ -97,9 +97,7 @@ def test_sizes_without_a_part_in_the_least_gap_stood_beside_those_with_one_witho
         )
     ])  # fmt: skip
     block = fo.Body.convex([*product((-1, 1), (-1, 1), (0, 1))])
-    sizes = [
-        fo.Size(axis, "movable", faces=[f"+{axis}", f"-{axis}"], each=0.5, tolerance=0.02) for axis in ("x", "y")
-    ]
+    sizes = [fo.Size(axis, "movable", faces=[f"+{axis}", f"-{axis}"], each=0.5, tolerance=0.02) for axis in ("x", "y")]
     asked = fo.Problem(block, walls, sizes=sizes, made="worst", goal="clear", motion=fo.Translation("x"))
     assert asked.made == pytest.approx({"x": 0.02, "y": 0.02})
     word = "without a part in the least gap"

@@ -377,7 +377,7 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
 
 
 def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_others(browser, tmp_path):
-    """Pins of 9.9 in bores of 12 do not go in 2.5 farther apart than drawn; no scale near that drawn makes them touch."""
+    """Pins of 9.9 in bores of 12 do not go in 2.5 farther apart; no scale near that drawn makes them touch."""
     from fcdm_opt.show.report.gather import gather
     from fcdm_opt.show.report.page import page
 
