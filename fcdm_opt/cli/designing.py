@@ -390,9 +390,8 @@ def stack_command(
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about
-        printed = partial(stacks.print_stack, share=drawn)
-        yield "stack", found, (lambda _: print_text(f"as case {first}")) if alike else printed
-        yield "yield", drawn, lambda _: None
+        yield "stack", found, lambda _: None  # printed with the yield, below what the judge says
+        yield "yield", drawn, lambda _: print_text(f"as case {first}") if alike else stacks.print_stack(found, drawn)
         if cost:
             with common.named(cost="--cost", share="--share"):
                 cheapest = found.allocate(dict(cost), share=share)
@@ -443,14 +442,16 @@ def _each_case(
             inquiry.codes.append(_code(answer))
             exact = getattr(answer, "on_true_faces", number > 0 or answered_exactly(problem))
             of_facets |= not (key == "map" or exact)  # a map says it itself
-            if not inquiry.as_json:
-                printed(answer)
-            if key in JUDGED:
-                certificate = verify(answer)
+            certificate = verify(answer) if key in JUDGED else None
+            if certificate is not None:
                 inquiry.refused |= not certificate.passed
                 told["certificate"] = certificate.to_dict()
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
-                if not inquiry.as_json:
+            if not inquiry.as_json:
+                if certificate is not None and not certificate.passed:  # at its head
+                    print_judged(certificate)
+                printed(answer)
+                if certificate is not None and certificate.passed:
                     print_judged(certificate)
         if known_to := known_gaps(problem) if of_facets else []:
             entry["known_to"] = known_to

@@ -13,6 +13,7 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -195,6 +196,10 @@ class TouchingSizes:
                 first = int(factors.argmin())
                 factor, where = float(factors[first]), moving.named(part, int(facets[first]))
                 corner = np.where(values[first, 1:] > 0.0, low, np.where(values[first, 1:] < 0.0, high, 0.0))
+            elif factor < 1.0:
+                with suppress(InputError):  # of several parts some end there; the body may be cut anew
+                    moving.check(low, high)
+                    factor = np.inf
             names = [size.name for size in moving.sizes]
             found.append((factor, where, dict(zip(names, corner.tolist(), strict=True))))
         return min(found, key=lambda own: own[0])

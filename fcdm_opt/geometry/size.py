@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, Round, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import hold
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import Plain, plain
@@ -168,11 +168,10 @@ class Size(Plain):
             return float(extents.max() if self.scale == "xyz" else np.linalg.norm(extents))
         moved, (normals, points) = self.offsets(body), body.face_planes
         rows, grown = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
-        labels = {tuple(sorted(body.faces[k])) for k in rows.tolist()}
-        for face in round_faces(body):
-            if labels == set(face.faces) and "cone" not in face.name and "countersink" not in face.name:
-                side = 1.0 if face.name.startswith(ROUND_KINDS[::2]) else -1.0
-                grown = {side * k * float(moved[rows[0]]): k * face.surface.radius for k in (1.0, 2.0)}
+        rounds = self._round_faces(body)
+        if len({face.name for face in rounds}) == 1 and np.ptp(moved[rows]) == 0.0:
+            side = 1.0 if rounds[0].name.startswith(ROUND_KINDS[::2]) else -1.0
+            grown = {side * k * float(moved[rows[0]]): k * rounds[0].surface.radius for k in (1.0, 2.0)}
         towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
         ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
@@ -185,6 +184,21 @@ class Size(Plain):
                 rate = np.sign(width) * (moved[own[0]] + moved[others[0]])
                 grown[float(rate)] = abs(float(width))
         return next((length for rate, length in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
+
+    def position(self, body: Body) -> float:
+        """Return where the axis or centre of what moves is as drawn, along the direction it moves in; nan of others."""
+        rounds = [] if self.along is None else self._round_faces(body)
+        places = [float(face.surface.origin @ np.array(self.along)) for face in rounds]
+        across = all(abs(face.surface.axis @ np.array(self.along)) <= DEFAULT.nominal for face in rounds)
+        return places[0] if places and across and np.ptp(places) <= DEFAULT.snap * body.size else np.nan
+
+    def _round_faces(self, body: Body) -> list[Round]:
+        """Return the cylinders and spheres that make up its faces; none where there are other faces, too."""
+        labels = {tuple(sorted(body.faces[k])) for k in np.flatnonzero(self.offsets(body)).tolist()}
+        found = [face for face in round_faces(body) if labels & set(face.faces)]
+        every = {label for face in found for label in face.faces}  # facets along a direction do not move
+        whole = labels == every or (self.along is not None and labels <= every)
+        return found if whole and not any(face.name.startswith(ROUND_KINDS[4:]) for face in found) else []
 
     def _keep(self, **values: Any) -> None:
         for key, value in values.items():

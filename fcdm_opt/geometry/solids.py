@@ -32,6 +32,7 @@ FEW = 64  # points for each of which all triangles are looked at
 REACHED = 0.9  # of the way to the surface, by convex bodies inside
 PIECES = 8  # of what two solids have in common, in which it starts
 FACETS = 100  # of the thickest of these, on which it starts
+DEEP = 0.9  # of the greatest depth, at points that may stand for it: well inside, not on an end face
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
 REMEMBERED = 64  # depths
 
@@ -294,7 +295,7 @@ class PlacedSolids:
         return _DEPTHS[key]
 
     def _greatest_depth(self) -> float:
-        pieces = [piece for piece in self._deepest_pieces() if _thickness(piece) > DEFAULT.tie * self.size]
+        pieces = self._deepest_pieces()
         thickest = sorted(pieces, key=_thickness)[-STARTS:]
         facets = [(corners[rows].mean(axis=1), len(rows)) for corners, rows in thickest]
         on_facets = [middles[:: -(-count // FACETS)] for middles, count in facets]
@@ -307,7 +308,10 @@ class PlacedSolids:
         return best
 
     def common(self) -> list[tuple[Array, Ints]]:
-        """Return the surface of each piece of what the solids have in common: corners, and triangles of these."""
+        """Return the surface of each piece of what the solids have in common: corners, and triangles of these.
+
+        None of those that rounding makes of faces flush on one another.
+        """
         from manifold3d import Manifold, Mesh64, OpType
 
         solids = []
@@ -322,7 +326,8 @@ class PlacedSolids:
                 pieces.append(Manifold(mesh))
             solids.append(Manifold.batch_boolean(pieces, OpType.Add) if len(pieces) > 1 else pieces[0])
         meshes = [piece.to_mesh64() for piece in (solids[0] ^ solids[1]).decompose()]
-        return [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
+        found = [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
+        return [piece for piece in found if _thickness(piece) > DEFAULT.tie * self.size]
 
     def _deepest_pieces(self) -> list[tuple[Array, Ints]]:
         """Return the pieces of what the solids have in common that are deepest in their middle, or the thickest."""
@@ -348,8 +353,11 @@ class PlacedSolids:
         """Return the nearest points of both surfaces, (2, 3), to a point deep in what the solids have in common."""
         pieces = sorted(pieces, key=_thickness)[-STARTS:]
         every = np.concatenate([self._within_common(pieces), *_between(pieces)])
-        depths = self._depths(every)
-        as_deep = every[depths >= (1.0 - DEFAULT.snap) * depths.max()]
+        for _ in range(2):  # then half way between such, too: on no end face
+            depths = self._depths(every)
+            as_deep = every[depths >= DEEP * depths.max()]
+            some = as_deep[:: -(-len(as_deep) // CORNERS)]
+            every = np.concatenate([as_deep, (some[:, None] + some).reshape(-1, 3) / 2.0])
         inner = [min(self._distance(which, point)[0] for which in range(2)) for point in as_deep]
         point = as_deep[int(np.argmax(inner))]
         near = (self._near(which, point, 0.0) for which in range(2))

@@ -404,6 +404,16 @@ def verdict(scene: Scene) -> str:
     return next(filter(None, map(_verdict, named)), "")
 
 
+def sizes_that_lack(problem: Problem) -> list[str]:
+    """Return the sizes of the faces between which the parts made do not go together; none where no widths tell."""
+    found, names = misfit(problem), list[str]()
+    for own in (found, found and found.wider):
+        for role, body, faces in zip(problem.drawn, drawn_bodies(problem), own.faces if own else (), strict=False):
+            rows = [body.face_rows[face.vertices] for face in faces if face and face.vertices in body.face_rows]
+            names += [each.name for each in problem.sizes if each.body == role and each.offsets(body)[rows].any()]
+    return [*dict.fromkeys(names)]
+
+
 def unlike_steps(scene: Scene) -> str:
     """Return in words two contacts that look one way, and how far apart their faces are in either part as made."""
     # those that differ most, so that no shift closes both; empty where none do

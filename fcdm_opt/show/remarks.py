@@ -51,6 +51,12 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
+    if problem.request.get("made") == "worst" and sum(map(bool, problem.made.values())) > 1:
+        told.append(GoodNews('made "worst": sizes without a part in the least gap are at that of the next contact'))
+    overlaps = not solution.status.found and solution.pair_gap < 0.0
+    if overlaps and answered_exactly(problem) and known_gaps(problem):
+        depth = measured(number_text(-solution.pair_gap, 4), unit)
+        told.append(f"overlapping by {depth} is of the facets; what is said of motions is of the true faces")
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
@@ -192,6 +198,7 @@ def left_out(solution: Solution) -> list[str]:
         asked=asked_text(problem),
         bodies=problem.bodies,
         deviation_of=deviation_of,
+        exact=answered_exactly(problem),
         tracking=problem.goal in TRACKING,
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
+BEYOND = "* beyond the worst case, which holds for all pairs within their tolerances"
 DRAWN, DRAWN_ZERO, RARE = "as drawn", 2e-3, 5e-5
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, corners of a face that
 are listed, letters of a name and of a line of one; what a mean over pairs drawn is zero below, of the largest; and the
@@ -140,6 +141,7 @@ def _place(face: dict[str, Any]) -> tuple[int, str]:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
+    noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
@@ -155,28 +157,26 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
         (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
     ]
-    print_rows([{"": what, "gap": signed(gap), "at": wrapped(at, LONGEST)} for what, gap, at in rows], numbers=("gap",))
+    beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
+    print_rows([
+        {"": what, "gap": signed(gap) + " *" * past, "at": wrapped(at, LONGEST)}
+        for past, (what, gap, at) in zip(beyond, rows, strict=True)
+    ], numbers=("gap",), notes=[BEYOND] * any(beyond))  # fmt: skip
     if share is not None:
         _print_yield(stack, share)
     contributions = contributions_of(stack)
     differs, varies = any(own.worst for own in contributions), any(own.variance for own in contributions)
     print_rows([
         {
-            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": signed(own.coefficient, 3),
+            "size": own.size, "half tolerance": f"{own.half:.4g}", "mean gap per unit": gap_per_unit(stack, own),
             "of the worst case": f"{own.worst:.2%}" if differs else "none",
             "of the variance": f"{own.variance:.1%}" if varies else "none",
         }
         for own in contributions
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    if (spread.low < worst.least or spread.high > worst.largest) and spread.deviation > 0.0:
-        print_text(
-            "where 3 sigma lead beyond the worst case, the worst case holds for all pairs within their tolerances"
-        )
-        print_text()
     for told in stack_notes(stack):
         print_text(told)
         print_text()
-    noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:
         sizes = _sizes({name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie})
@@ -208,14 +208,22 @@ def contributions_of(stack: StackUp) -> list[SizeShare]:
     return [own if abs(own.coefficient) > least else replace(own, coefficient=0.0) for own in stack.contributions]
 
 
+def gap_per_unit(stack: StackUp, own: SizeShare) -> str:
+    """Return the mean gap a unit of a size as text; from where to where its contacts have it if they cancel out."""
+    every = [row.coefficients.get(own.size, 0.0) for row in stack.rows] if own.worst and not own.coefficient else []
+    ends = (min(every), max(every)) if every else (own.coefficient,)
+    return " to ".join(dict.fromkeys(signed(x, 3) for x in ends))
+
+
 def stack_notes(stack: StackUp) -> list[str]:
     """Return what a stack-up leaves out or takes as given, a sentence each.
 
     Contacts that are always closed, motions that only weights decide, keep-outs, sizes at which a face vanishes.
     """
     factor, face, where = stack.touching.vanishing
-    end = f"{factor:.2%} of the way to {_sizes(where)} {face} vanishes"
-    beyond = f"{end}: parts made beyond are refused, rows go on without it"
+    at = _sizes({name: factor * x for name, x in where.items()})
+    at = at or f"{factor:.2%} of the tolerances of {' and '.join(where)}"
+    beyond = f"at {at} {face} vanishes: parts made beyond are refused, rows go on without it"
     free = (
         f"closed contacts leave {' and '.join(stack.weighted)} free together, and the gap depends on them: it is that "
         "of the least motions, by their weights"

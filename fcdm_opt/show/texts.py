@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.solution import Status
+from fcdm_opt.problem.solution import Solution, Status
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -248,12 +248,15 @@ def outcome_text(solution: Bounded) -> str:
     return "verified" if solution.usable else solution.status.words
 
 
+IMPOSSIBLE = re.compile(r"(Proved impossible with this motion)[^.]*\.")
+
+
 def advised(case: SolvedCase) -> str:
     """Return a case's advice, and up to which tolerance the parts fit where that is known.
 
     Without how they do not fit, and what their facets leave open, which the verdict says.
     """
-    told, fits, of_mesh = case.solution.advice, case.fits_up_to, case.solution.left_by_mesh
+    told, fits, of_mesh = _with_sizes(case.solution), case.fits_up_to, case.solution.left_by_mesh
     told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
@@ -264,6 +267,15 @@ def advised(case: SolvedCase) -> str:
         return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
     return f"{told} {'As meshed, the' if of_mesh else 'The'} parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+
+
+def _with_sizes(solution: Solution) -> str:
+    """Return the advice of an answer, and where widths do not go together that is proved: their sizes, not limits."""
+    from fcdm_opt.problem.fit import sizes_that_lack
+
+    if not IMPOSSIBLE.search(solution.advice) or not (names := sizes_that_lack(solution.problem)):
+        return solution.advice
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: change {' or '.join(names)}.", solution.advice)
 
 
 def _unfit(problem: Problem) -> str:

@@ -18,6 +18,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
 from fcdm_opt.geometry import elements
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes, resized
+from fcdm_opt.show.stacks import stack_notes
 from fcdm_opt_benchmarks.references import sizes as exact
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -273,6 +274,27 @@ def test_a_stack_says_from_where_on_parts_as_made_are_refused() -> None:
         with pytest.raises(fo.InputError, match="vanishes"):
             resized(one, dict(zip(sizes, factor * 1.0001 * at, strict=True)))
         assert face.startswith("face F")
+
+
+def test_a_part_that_ends_in_a_body_cut_anew_was_said_to_be_refused() -> None:
+    """A shaft with a keyway: .5 off its radius cuts some of its parts away, and it is made all the same."""
+    key = fo.Box((8, 30, 6), centre=(14, 0, 12))
+    shaft = fo.cut(fo.Cylinder(15, 40, base=(0, -20, 0), axis="y"), key, name="shaft")
+    hub = fo.cut(fo.Box((60, 18, 60)), fo.Cylinder(15.01, 40, base=(0, -20, 0), axis="y"), name="hub")
+    size = fo.Size("journal", "movable", faces="cylinder radius 15", each=0.5, tolerance=(-1.0, 0.0))
+    assert resized(shaft, {size: -1.0}).vertices[:, 2].min() == pytest.approx(-14.5, abs=0.02)
+    stack = fo.stack_up(fo.Problem(shaft, hub, sizes=[size], goal="clear", motion=fo.Translation("x")))
+    assert Resizing.of(stack.touching.bodies[0], [size]).reach(np.array([-1.0]), np.zeros(1))[0] < 1.0
+    assert not [note for note in stack_notes(stack) if "vanishes" in note]
+
+
+def test_where_a_face_vanishes_was_no_sentence_and_named_no_size() -> None:
+    """The sides of a roof cut off at a height of 1 meet at 2."""
+    roof = fo.Body.convex([(0, 0, 0), (4, 0, 0), (4, 2, 0), (0, 2, 0), (1, 0, 1), (3, 0, 1), (3, 2, 1), (1, 2, 1)])
+    size, far = fo.Size("height", "movable", faces="+z", tolerance=(0.0, 1.5)), box((9, 0, 0), (10, 1, 1))
+    stack = fo.stack_up(fo.Problem(roof, far, sizes=[size], goal="clear", motion=fo.Translation("x")))
+    (told,) = (note for note in stack_notes(stack) if "vanishes" in note)
+    assert told.startswith("at height +1 face ")
 
 
 def test_a_slot_whose_walls_meet_is_refused() -> None:

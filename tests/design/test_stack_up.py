@@ -528,6 +528,19 @@ def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
         assert ("another one decides" in said.get().replace("\n", " ")) == differ
 
 
+def test_a_mean_of_nothing_and_what_is_beyond_the_worst_case_were_not_marked() -> None:
+    """A block in a channel, .05 off either wall, and where it stands, .04: -1 at one wall and +1 at the other."""
+    place = fo.Size("place", "movable", faces=["+x", "-x"], along="x", tolerance=0.04)
+    stack = stacked(box((-9.95, -1, -1), (9.95, 1, 1)), channel(20.0), place)
+    told = str(stack)
+    assert "-1 to +1" in next(line for line in told.splitlines() if line.startswith("place"))
+    marked = [line for line in told.splitlines() if " * " in line]
+    assert len(marked) == 1  # 3 sigma about .05 are .01 to .09; the gap is at most .05
+    assert "+ 3 sigma" in marked[0]
+    assert "+0.09 *" in marked[0]
+    assert "* beyond the worst case" in told
+
+
 def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     """A channel of 20 + d about a block of 19 + e: the gap is (1 + d - e) / 2."""
     stack = stacked(box((-9.5, -5, -5), (9.5, 5, 5)), channel(20.0), inner(0.2), replace(BLOCK, tolerance=0.1))

@@ -14,6 +14,7 @@ from fcdm_opt.drafting.draft import draft, state_text
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.measures import winding_numbers
 from fcdm_opt.geometry.solids import PlacedSolids, contains, located
+from fcdm_opt.show.sections import Touching
 
 CASES = Path(__file__).parents[1] / "cases"
 ONES = np.ones(2)
@@ -324,3 +325,29 @@ def test_the_depth_of_a_crescent_was_a_third_too_small() -> None:
     )
     least = 1.0 - tight + np.linalg.norm(off)
     assert 0.99 * least < PlacedSolids(one, two, ONES, np.eye(4)).depth < 1.05 * least
+
+
+def test_of_parts_flush_and_overlapping_slivers_of_the_flush_faces_were_drawn(tmp_path):
+    """A pin .06 aside in its bore, of single precision: .045 deep, 4 high; flush faces had slivers 25 long besides."""
+
+    def pin(radius, low, high, x):
+        made = trimesh.creation.cylinder(radius, height=high - low, sections=48)
+        return made.apply_translation((x, 0, (low + high) / 2))
+
+    def block(low, high, x, y):
+        return trimesh.creation.box(bounds=[(-x, -y, low), (x, y, high)])
+
+    rim = block(26, 30, 31.95, 21.95).difference(block(25, 30, 28, 18))
+    lid = block(30, 36, 50, 30).union(rim).difference(pin(3.0, 28, 38, -41)).difference(pin(3.0, 28, 38, 41))
+    case = block(0, 30, 50, 30).difference(block(3, 31, 32, 22)).union(pin(2.985, 20, 34, -41))
+    case = case.union(pin(2.985, 20, 34, 41.06))
+    bodies = list[fo.Body]()
+    for name, mesh in (("lid", lid), ("case", case)):
+        mesh.export(tmp_path / f"{name}.stl")
+        bodies.append(fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm"))
+    overlap = Touching.overlap(*bodies)
+    corners = np.vstack(overlap.pieces)
+    assert (np.abs(corners - (41.03, 0, 32)).max(axis=0) < (3.1, 3.1, 2.0 + 1e-6)).all()
+    assert np.ptp(corners[:, 2]) == pytest.approx(4.0, abs=1e-6)
+    assert 0.9 * 0.0448 < np.linalg.norm(np.diff(overlap.across, axis=0)) < 0.0451
+    assert (np.abs(overlap.across[:, 2] - 32.0) < 1.9).all()  # on no end face: a cut there showed one part alone

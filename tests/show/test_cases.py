@@ -14,6 +14,7 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
+from fcdm_opt.show.report.sizes import size_rows
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -150,3 +151,21 @@ def test_the_card_of_cases_tells_whole_motions_and_no_bound_above_its_amount() -
 def test_a_motion_longer_than_a_cell_stands_whole_in_its_card() -> None:
     told = "; ".join(f"move part {k} 0.1 mm along -x and 0.1 mm along +z" for k in range(3))
     assert f">{told}</td>" in Card("cases", tables=[(("case", "motion"), [("A", told)])]).html
+
+
+def test_two_pins_had_no_diameter_and_an_axis_no_place() -> None:
+    """Pins of 5.96 at x = -41 and 41: one diameter, and where they stand along x or y."""
+    pins = [fo.Cylinder(2.98, 14, base=(x, 3, 0)) for x in (-41, 41)]
+    case = fo.joined(fo.Box((100, 60, 8), name="case"), *pins)
+    both = ["cylinder radius 2.98 no. 1", "cylinder radius 2.98 no. 2"]
+    sizes = [
+        fo.Size("pin", "static", faces=both, each=0.5, tolerance=0.012),
+        fo.Size("spacing", "static", faces=both[1], along="x", tolerance=0.06),
+        fo.Size("both along", "static", faces=both, along="x", tolerance=0.06),
+        fo.Size("off", "static", faces=both, along="-y", tolerance=0.06),
+        fo.Size("not across", "static", faces=[both[1], "+x"], along="x", tolerance=0.06),
+    ]
+    made = {"pin": 0.01, "spacing": 0.06}
+    asked = fo.Problem(fo.Box((1, 1, 1), centre=(0, 0, 40)), case, sizes=sizes, made=made, motion=fo.Translation("z"))
+    told = [(row["drawn"], row["made"]) for row in size_rows(asked)]
+    assert told == [("5.96", "5.97"), ("at 41", "at 41.06"), *[("\u2013",) * 2], ("at -3", "at -3"), ("\u2013",) * 2]

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.show.remarks import remarks
+from fcdm_opt.problem.solution import Status
+from fcdm_opt.show.remarks import left_out, remarks
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.texts import advised
 
 CUBE = np.array([*product((-0.5, 0.5), repeat=3)])
 
@@ -61,3 +64,42 @@ def test_what_a_motion_goes_through_on_its_way_was_not_named() -> None:
     assert through.parameters["TZ"] == pytest.approx(-8.0, abs=1e-9)
     assert "straight there it goes through table and keep-out shelf" in remarks(through)[-1]
     assert [text for text in remarks(fo.solve(fo.Problem(box, static, **asked))) if "large" in text] == []
+
+
+def test_a_distance_of_pins_that_no_motion_mends_was_answered_by_wider_limits() -> None:
+    """Pins of 9.9 in bores of 10, .12 farther apart than drawn: 50.02 in 50; the facets say less than .02 / 2."""
+    pins = [fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20)]
+    base = fo.joined(fo.Box((60, 40, 8), centre=(0, 0, -9), name="base"), *pins)
+    plate = fo.cut(fo.Box((60, 40, 8), name="plate"), *(fo.Cylinder(5, 30, base=(x, 0, -15)) for x in (-20, 20)))
+    sizes = [
+        fo.Size("spacing", "static", faces=["cylinder radius 4.95 no. 2"], along="x", tolerance=0.2),
+        fo.Size("width", "movable", faces=["+y", "-y"], each=0.5, tolerance=0.2),
+    ]
+    asked = {"sizes": sizes, "goal": "clear", "motion": fo.Translation("x"), "limits": {"TX": (-0.5, 0.5)}}
+    solution = fo.solve(fo.Problem(plate, base, made={"spacing": 0.12}, **asked))
+    assert solution.status is Status.INFEASIBLE
+    told = advised(SolvedCase(solution))
+    assert told == "Proved impossible with this motion: change spacing."
+    facets = [text for text in remarks(solution) if "is of the facets" in text]
+    assert len(facets) == 1
+    assert f"overlapping by {-solution.pair_gap:.4g}" in facets[0]
+    (text,) = (text for text in left_out(solution) if text.startswith("The convex parts of base"))
+    assert "motion, amount and bound are of the true faces" in text
+
+
+def test_sizes_without_a_part_in_the_least_gap_stood_beside_those_with_one_without_a_word() -> None:
+    """Between walls along x .1 away and along y .105, .01 more or less: "worst" is the least gap of either."""
+    walls = fo.Body.from_parts([
+        [*product(*own)]
+        for own in (
+            ((-9, -1.1), (-9, 9), (0, 1)), ((1.1, 9), (-9, 9), (0, 1)),
+            ((-1.1, 1.1), (-9, -1.105), (0, 1)), ((-1.1, 1.1), (1.105, 9), (0, 1)),
+        )
+    ])  # fmt: skip
+    block = fo.Body.convex([*product((-1, 1), (-1, 1), (0, 1))])
+    sizes = [fo.Size(axis, "movable", faces=[f"+{axis}", f"-{axis}"], each=0.5, tolerance=0.02) for axis in ("x", "y")]
+    asked = fo.Problem(block, walls, sizes=sizes, made="worst", goal="clear", motion=fo.Translation("x"))
+    assert asked.made == pytest.approx({"x": 0.02, "y": 0.02})
+    word = "without a part in the least gap"
+    assert sum(word in text for text in remarks(fo.solve(asked))) == 1
+    assert not [text for text in remarks(fo.solve(asked.changed(made={"x": 0.02, "y": 0.02}))) if word in text]

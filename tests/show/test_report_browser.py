@@ -376,6 +376,37 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
         wide.until(count.format(role), corners)
 
 
+def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_others(browser, tmp_path):
+    """Pins of 9.9 in bores of 12 do not go in 2.5 farther apart; no scale near that drawn makes them touch."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    pins = [fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20)]
+    base = fo.joined(fo.Box((60, 40, 8), centre=(0, 0, -9), name="base"), *pins)
+    plate = fo.cut(fo.Box((60, 40, 8), name="plate"), *(fo.Cylinder(6, 30, base=(x, 0, -15)) for x in (-20, 20)))
+    size = fo.Size("spacing", "static", faces=["cylinder radius 4.95 no. 2"], along="x", tolerance=3.0)
+    asked = {"sizes": [size], "goal": "clear", "motion": fo.Translation("x"), "limits": {"TX": (-0.5, 0.5)}}
+    problems = tuple(fo.Problem(plate, base, made={"spacing": x}, name=f"{x}", **asked) for x in (2.5, 2.6))
+    data = gather([Read(PROBLEMS / "example1.toml", "", "", problems)], certify=False, frames=0.0)
+    assert [case["amount"] for case in data["cases"]] == [None, None]
+    (tmp_path / "report.html").write_text(page(data), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 390, "height": 844})
+    opened.drawn("0 rescaled")
+    assert opened.text("viewer-title") == "Contact"
+    assert not opened.page.is_visible("#curve")
+    cells = "e => [...e.querySelectorAll('td')].map(x => [getComputedStyle(x, '::before').content, x.innerText])"
+    row = dict(opened.page.eval_on_selector(".all tbody tr", cells))
+    assert row.pop('"verified"').endswith("no motion")
+    assert row.pop('"motion"') == "does not fit"
+    assert set(row) == {'"asked for"', '"amount"', '"pair made"'}
+    assert opened.page.is_visible(".all tbody td:nth-child(4)") is False
+    words = opened.page.inner_text("body")
+    for empty in ("What touches", "Bounds and their evidence", "best first over separating"):
+        assert empty not in words
+    assert opened.wrong == []
+    opened.context.close()
+
+
 def test_a_tall_box_and_its_lid_fill_the_frame_and_are_cut_open_across_the_rim(browser, tmp_path):
     """They ran out of the frame, and the plane lay in the front wall: the room within stayed shut."""
     from fcdm_opt.show.report.gather import gather

@@ -313,6 +313,14 @@ def test_why_there_is_no_stack_up_was_said_once_a_case():
     assert "No stack-up: it takes long (cases A)." in visible(read(page(data)))
 
 
+def test_a_stack_up_that_the_judge_refused_is_headed_by_that():
+    data = payload()
+    data["cases"][0]["stack"] |= {"failed": "NOT VERIFIED, do not use it: failed gap"}
+    words = visible(read(page(data)))
+    words = words[words.index("Stack-up of the gap") :]
+    assert words.index("NOT VERIFIED") < words.index("Worst case")
+
+
 def test_a_case_without_motion_says_so():
     none = payload()
     none["cases"] = [{**case("stuck"), "amount": None, "motion": "-", "status": "INFEASIBLE", "certificate": None}]

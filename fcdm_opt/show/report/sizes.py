@@ -21,18 +21,19 @@ PLACES = 6
 def size_rows(scene: Scene) -> list[dict[str, Any]]:
     """Return the sizes of a scene: what each measures as drawn and as made, its tolerance, and what it moves.
 
-    What is no length of the part that can be measured, such as the place of a slot, only has a deviation.
+    Of an axis where it is along the size's direction; what cannot be measured, a slot's place, has a deviation alone.
     """
     rows = []
     for size in scene.sizes:
         body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
-        drawn = size.drawn(body)
+        drawn, place = size.drawn(body), size.position(body)
+        at, drawn = ("", drawn) if np.isnan(place) else ("at ", place)
         made = drawn + off * (1.0 if size.is_length else drawn)
         low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
-            "drawn": NONE if np.isnan(drawn) else f"{drawn:.{PLACES}g}",
-            "made": NONE if np.isnan(made) else f"{made:.{PLACES}g}",
+            "drawn": NONE if np.isnan(drawn) else f"{at}{drawn:.{PLACES}g}",
+            "made": NONE if np.isnan(made) else f"{at}{made:.{PLACES}g}",
             "off": size.deviation_text(off, "") if off else "", "beyond": size.is_beyond(off),
         })  # fmt: skip
     return rows
@@ -56,7 +57,7 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.judge.certificate import verify
-    from fcdm_opt.show.stacks import another_decides, contributions_of, stack_notes
+    from fcdm_opt.show.stacks import another_decides, contributions_of, gap_per_unit, stack_notes
 
     if not scene.sizes:
         return None
@@ -67,7 +68,6 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
             shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
             notes += filter(None, [another_decides(spread)])
             failed = ", ".join(own.name for own in verify(found).failed)
-            notes = [f"NOT VERIFIED, do not use it: failed {failed}"] * bool(failed) + notes
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
         why = "left out, it takes long: `fcdm-opt stack` has it" if late else getattr(reason, "what", "")
@@ -79,12 +79,13 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         notes.append(f"worst cases of the true round parts are from {low} to {high}")
     return {
         "unit": scene.unit,
+        "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
             for what, gap, at in (("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest))
         ],
         "spread": [spread.low, spread.high],
-        "shares": [finite({"size": own.size, "half": own.half, "coefficient": own.coefficient, "worst": own.worst,
-                           "variance": own.variance}) for own in shares],
+        "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
+                           "worst": own.worst, "variance": own.variance}) for own in shares],
         "notes": notes,
     }  # fmt: skip
