@@ -400,7 +400,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
             return rates
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
-    return None if kept is None else kept[0][: len(moving.body.vertices)] - moving.body.vertices
+    rows = _corners_moved(moving, np.ones(1)) if kept is None else kept[0][: len(moving.body.vertices)]
+    return None if rows is None else rows - moving.body.vertices
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -554,6 +555,9 @@ def _as_drawn(body: Body, rows: Array, parts: list[list[int]], surface: Surface)
 def _offset(moving: Resizing, values: Array) -> Body:
     body, (points, numbered, surface, same) = moving.body, _corners_of_parts(moving, values)
     if numbered is None:
+        with suppress(InputError):
+            if (anew := _cut_anew(moving, values)) is not None:
+                return anew
         made = Body.from_parts(points, seed=body.seed, name=body.name, unit=body.unit)
         return replace(made, deviation=body.deviation)
     rows, parts = numbered
@@ -569,6 +573,35 @@ def _offset(moving: Resizing, values: Array) -> Body:
             faces = [[label - 1 for label in face] for face in body.outlines]
             made = Body.from_parts(rows, parts=parts, faces=faces, seed=body.seed, name=body.name)
     return replace(made, notes=body.notes, deviation=body.deviation, unit=body.unit)
+
+
+def _cut_anew(moving: Resizing, values: Array) -> Body | None:
+    """Return a solid of several parts by where its faces meet now, labels as drawn; None where a corner splits."""
+    # its cuts do not go with the faces: what they bound besides would stick out, or be missing
+    body, rows = moving.body, _corners_moved(moving, values)
+    if len(body.parts) == 1 or not body.triangles or rows is None:
+        return None
+    triangles = surface_with_corners(body, rows).triangles_of_faces()
+    return replace(body, vertices=frozen(rows), triangles=triangles).by_features(0)
+
+
+def _corners_moved(moving: Resizing, values: Array) -> Array | None:
+    """Return the vertices of the body, its corners where their faces meet now, (n, 3); None where one splits."""
+    rows = moving.body.vertices.copy()
+    for label in moving.body.corners:
+        move = _move_of_corner(moving, values, label)
+        if move is None:
+            return None
+        rows[label - 1] += move
+    return rows
+
+
+def _move_of_corner(moving: Resizing, values: Array, label: int) -> Array | None:
+    """Return where the faces that meet in a corner move it, (3,); None where they part or are no three."""
+    body, normals = moving.body, moving.body.face_planes[0]
+    around = [body.face_rows[face] for face in body.faces_with((label,))]
+    own = normals[around]
+    return None if np.linalg.matrix_rank(own) < 3 else _agree(own, moving.faces[around] @ values)
 
 
 @contextmanager
@@ -659,11 +692,9 @@ def _kept_numbers(
                 elif row in corners and np.abs(new[row] - place).max() > near:
                     return None
             parts[k].append(numbered(place, rows, near))
-    normals, offsets = body.face_planes[0], moving.faces @ values
     for row in sorted(corners - known):  # where parts that overlap cross, or changed: by the faces that meet there
-        around = [body.face_rows[face] for face in body.faces_with((row + 1,))]
-        move = _agree(normals[around], offsets[around])
-        if move is None or np.linalg.matrix_rank(normals[around]) < 3:
+        move = _move_of_corner(moving, values, row + 1)
+        if move is None:
             return None
         new[row] = new[row] + move
         known.add(row)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from manifold3d import Manifold
+from manifold3d import CrossSection, Manifold
+from scipy.spatial import ConvexHull
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes
@@ -58,17 +59,21 @@ PLATE = box((-10, -8, 0), (10, 8, 4))
 THROUGH = (-1.0, 5.0)
 SCENES: dict[str, tuple[Solid, list[fo.Size]]] = {
     "three bores": (
-        lambda p: PLATE
-        - round_one(-5, 0, THROUGH, 2 + p[0] / 2)
-        - round_one(3, 3, THROUGH, 1.5 + p[1] / 2)
-        - round_one(4 + p[3], -4, THROUGH, 2 + p[2] / 2),
+        lambda p: (
+            PLATE
+            - round_one(-5, 0, THROUGH, 2 + p[0] / 2)
+            - round_one(3, 3, THROUGH, 1.5 + p[1] / 2)
+            - round_one(4 + p[3], -4, THROUGH, 2 + p[2] / 2)
+        ),
         [bore("a", -5, 0, 2), bore("b", 3, 3, 1.5), bore("c", 4, -4, 2), bore("at", 4, -4, 2, along="x")],
     ),
     "two bores in a pocket": (
-        lambda p: PLATE
-        - box((-6 - p[0] / 2, -5, 2 - p[1]), (6 + p[0] / 2, 5, 5))
-        - round_one(2, 1, THROUGH, 1.5 + p[2] / 2)
-        - round_one(-3, 1, THROUGH, 1.5 + p[3] / 2),
+        lambda p: (
+            PLATE
+            - box((-6 - p[0] / 2, -5, 2 - p[1]), (6 + p[0] / 2, 5, 5))
+            - round_one(2, 1, THROUGH, 1.5 + p[2] / 2)
+            - round_one(-3, 1, THROUGH, 1.5 + p[3] / 2)
+        ),
         [
             plane("width", (-6, 0, 3), (6, 0, 3), each=-0.5),
             plane("depth", (0, -3, 2), each=-1.0),
@@ -77,34 +82,42 @@ SCENES: dict[str, tuple[Solid, list[fo.Size]]] = {
         ],
     ),
     "a slot and bores on both sides": (
-        lambda p: PLATE
-        - box((-4 - p[0], -9, 2), (-1, 9, 5))
-        - round_one(4, 1, THROUGH, 1.5 + p[1] / 2)
-        - round_one(-7, 1, THROUGH, 1 + p[2] / 2),
+        lambda p: (
+            PLATE
+            - box((-4 - p[0], -9, 2), (-1, 9, 5))
+            - round_one(4, 1, THROUGH, 1.5 + p[1] / 2)
+            - round_one(-7, 1, THROUGH, 1 + p[2] / 2)
+        ),
         [plane("wall", (-4, 0, 3), each=-1.0), bore("a", 4, 1, 1.5), bore("b", -7, 1, 1)],
     ),
     "stepped bores": (
-        lambda p: PLATE
-        - round_one(-5, 0, (-1, 3), 1.5 + p[1] / 2)
-        - round_one(-5, 0, (2 - p[0], 5), 3 + p[2] / 2)
-        - round_one(5, 0, THROUGH, 1.5)
-        - round_one(5, 0, (2, 5), 3 + p[3] / 2),
+        lambda p: (
+            PLATE
+            - round_one(-5, 0, (-1, 3), 1.5 + p[1] / 2)
+            - round_one(-5, 0, (2 - p[0], 5), 3 + p[2] / 2)
+            - round_one(5, 0, THROUGH, 1.5)
+            - round_one(5, 0, (2, 5), 3 + p[3] / 2)
+        ),
         [plane("depth", (-5, 2.2, 2), each=-1.0), bore("a", -5, 0, 1.5), bore("b", -5, 0, 3), bore("c", 5, 0, 3)],
     ),
     "countersunk bores": (
-        lambda p: PLATE
-        - round_one(-5, 0, THROUGH, 1.5 + p[0] / 2)
-        - round_one(-5, 0, (1, 5), 0.5, 4.5)
-        - round_one(5, 0, THROUGH, 1.5 + p[1] / 2)
-        - round_one(5, 0, (1, 5), 0.5, 4.5),
+        lambda p: (
+            PLATE
+            - round_one(-5, 0, THROUGH, 1.5 + p[0] / 2)
+            - round_one(-5, 0, (1, 5), 0.5, 4.5)
+            - round_one(5, 0, THROUGH, 1.5 + p[1] / 2)
+            - round_one(5, 0, (1, 5), 0.5, 4.5)
+        ),
         [bore("a", -5, 0, 1.5), bore("b", 5, 0, 1.5)],
     ),
     "bosses and bores through them": (
-        lambda p: PLATE
-        + round_one(0, 0, (4, 7), 3 + p[0] / 2)
-        + round_one(6, 5, (4, 6), 1 + p[1] / 2)
-        - round_one(0, 0, (-1, 8), 1.5 + p[2] / 2)
-        - round_one(-6, -5, THROUGH, 1 + p[3] / 2),
+        lambda p: (
+            PLATE
+            + round_one(0, 0, (4, 7), 3 + p[0] / 2)
+            + round_one(6, 5, (4, 6), 1 + p[1] / 2)
+            - round_one(0, 0, (-1, 8), 1.5 + p[2] / 2)
+            - round_one(-6, -5, THROUGH, 1 + p[3] / 2)
+        ),
         [bore("a", 0, 0, 3, each=0.5), bore("b", 6, 5, 1, each=0.5), bore("c", 0, 0, 1.5), bore("d", -6, -5, 1)],
     ),
 }
@@ -287,3 +300,18 @@ def test_names_of_balls_and_hollows_are_sizes_too() -> None:
         assert np.count_nonzero(fo.Size("d", "movable", faces=faces, each=0.5).offsets(solid)) == len(solid.faces)
     with pytest.raises(fo.InputError, match="has this name"):
         fo.Size("d", "movable", faces="sphere radius 4").offsets(solid)
+
+
+def test_a_notch_whose_cut_ran_into_a_corner_elsewhere() -> None:
+    """A V-block, its notch off by .02: the flank's plane meets the block's far corner, and the part stuck out there."""
+    outline = [(-30, -10), (20, -10), (20, 14), (3.75, 14), (0, 5), (-12, 14), (-30, 14)]  # -9 / 12 from (-12, 14) on
+    mesh = Manifold.extrude(CrossSection([np.array(outline, float)]), 20.0).to_mesh64()
+    block = fo.Body.from_mesh(mesh.vert_properties[:, :3], mesh.tri_verts, name="block")
+    flanks = [k for k, n in enumerate(block.face_planes[0]) if n[1] > 0.1 and abs(n[0]) > 0.1]
+    notch = fo.Size("notch", "static", faces=[f"F{k + 1}" for k in flanks], along="x", tolerance=0.1)
+    made = resized(block, {notch: 0.02})
+    assert made.faces == block.faces
+    for label, (was, now) in enumerate(zip(block.vertices, made.vertices, strict=False), 1):
+        moved = label in {corner for k in flanks for corner in block.faces[k]}
+        assert now == pytest.approx(np.add(was, (0.02 * moved, 0.0, 0.0)), abs=1e-12)
+    assert sum(ConvexHull(part.vertices).volume for part in made.parts) == pytest.approx(20.0 * (1200 - 9 * 15.75 / 2))
