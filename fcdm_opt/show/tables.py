@@ -263,13 +263,18 @@ def print_said(result: Any) -> None:
     print_lines(str(result).splitlines())
 
 
+def _value_text(value: Any) -> str:
+    each = (f"{name} {own}" for name, own in value.items()) if isinstance(value, dict) else [str(value)]
+    return ", ".join(each) or "none"
+
+
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
     predicted = amount_text(answer.predicted_amount)
     rows.append({**dict.fromkeys(rows[0], ""), "": "predicted", "amount": predicted})
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
-    values = ((name, *(str(plain(asked.get(name))) for asked in own)) for name, *own in both)
+    values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
     notes += beyond_tolerances(answer.after.question)
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
