@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.kernels import E1E2, F1V2
+from fcdm_opt.curve.contact import site_corners
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.exact_points import BENT
 from fcdm_opt.geometry.patches import Patch, true_faces
@@ -39,11 +39,10 @@ class RoundContact(NamedTuple):
         if not (normals @ self.frame[2]).max() > np.cos(BENT):
             return False
         one, two = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
-        for kind, i, j in sites.tolist():
-            ends = one.edges[i, :2] if kind == E1E2 else i
-            where = (0, one.vertices[ends]) if kind != F1V2 else (1, two.vertices[j])
-            off = np.abs(self.patches[where[0]].gaps(np.atleast_2d(where[1]))[0])
-            if off.min() <= STRAIGHT * task.size:
+        for site in sites:
+            rows = zip(self.patches, (one, two), site_corners(one, two, site), strict=True)
+            off = [np.abs(patch.gaps(part.vertices[list(own)])[0]).min() for patch, part, own in rows]
+            if max(off) <= STRAIGHT * task.size:  # of faces beside it one body's alone is met
                 return True
         return False
 
