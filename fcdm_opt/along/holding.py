@@ -296,7 +296,9 @@ class Holding:
                     own[parts] = min(found, key=lambda facing: -float(facing.normal @ contact.frame[2]))
             if own:
                 best = min(own, key=lambda parts: (abs(own[parts].gap), -float(own[parts].normal @ contact.frame[2])))
-                facing = own[best]._replace(normal=contact.frame[2], corners=own[best].corners[:1])
+                ends = np.array([end.points[1] for end in self.round or () if end.patches is contact.patches])
+                corners = self.task.target[1] * (ends - self.task.static.seed)
+                facing = own[best]._replace(normal=contact.frame[2], corners=corners)
                 pairs = {parts: found for parts, found in pairs.items() if parts not in own} | {best: [facing]}
         return pairs
 

@@ -119,7 +119,7 @@ def motion_rates(
     held, owners = [own for _, own in known if own is not None], [k for k, _ in known]
     if len(held) < len(known):
         return unknown
-    weights, several = task.weights, any(each.joints for each in tasks)
+    weights, several = task.weights, any(each.joints or each.restored for each in tasks)
     slopes = np.array([own.slope for own in held]).reshape(-1, len(q))
     given = task.amount_kind if several and isinstance(task.amount_kind, OwnAmount) else None
     both = given.derivatives(q) if given else np.column_stack([np.diag(weights**2), weights**2 * q])
@@ -324,7 +324,7 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int
     ]  # a turn w of body 1 lets a point at u sink by n . (u x w)
     twist = row(gap(0, point + drawn[1] / task.target[0]), np.cross(*drawn[:2])) + shifts[0]
     found = curved(contact, shifts, np.array(turns), twist)
-    if found is None or np.abs(found[1][:, :count]).max(initial=0.0) > DEFAULT.tie:
+    if found is None or (np.abs(found[1][:, :count]).max(initial=0.0) > DEFAULT.tie and not contact.held):
         yield None
         return
     second, still = found
@@ -335,7 +335,7 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int
         round=True,
     )  # fmt: skip
     zeros = np.zeros(count), np.zeros((count, count)), np.zeros_like(mixed)
-    for own in still[:, count:]:
+    for own in still[: 0 if contact.held else None, count:]:
         yield _Constraint(zeros[0], zeros[1], own, zeros[2], points, round=True)
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.contact import site_corners
+from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.exact_points import BENT
 from fcdm_opt.geometry.patches import Patch, true_faces
@@ -20,6 +21,7 @@ from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.tolerances import DEFAULT
 
+STEP = 0.01  # of the size: between two points of a line of contact
 STRAIGHT = DEFAULT.nominal  # of the largest bend: less is none
 BALANCED = DEFAULT.active**0.5  # as `Tolerances.stationary`: an amount is right to the square of what its direction is
 
@@ -33,16 +35,17 @@ class RoundContact(NamedTuple):
     # (2, 2, 2): second derivatives of the gap to either face along these directions, positive where it is convex
     bends: Array
     patches: tuple[Patch, Patch]  # as drawn
+    held: bool  # one of two points of a line all of which is to touch, where the motion tilts it
 
     def is_of(self, task: Task, parts: tuple[int, int], sites: Ints, normals: Array) -> bool:
         """Tell whether a pair of parts that meet at sites, in directions, does so in this contact, or beside it."""
         if not (normals @ self.frame[2]).max() > np.cos(BENT):
             return False
-        one, two = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
-        for site in sites:
-            rows = zip(self.patches, (one, two), site_corners(one, two, site), strict=True)
-            off = [np.abs(patch.gaps(part.vertices[list(own)])[0]).min() for patch, part, own in rows]
-            if max(off) <= STRAIGHT * task.size:  # of faces beside it one body's alone is met
+        pair = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
+        for site in sites.tolist():  # an edge of a plane face is beside all contacts of this face
+            k = int(self.patches[0].surface.flat) if site[0] == E1E2 else int(site[0] == F1V2)
+            corners = pair[k].vertices[list(site_corners(*pair, site)[k])]
+            if np.abs(self.patches[k].gaps(corners)[0]).min() <= STRAIGHT * task.size:
                 return True
         return False
 
@@ -54,7 +57,7 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
     transform, found = task.transform(q), dict[tuple[int, int, int], RoundContact]()
     one, two = (own.exact.facets if own.exact else own for own in (task.movable, task.static))
     faces = true_faces(one), true_faces(two)
-    turn = transform[:3, :3]
+    turn, rates = transform[:3, :3], task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1]
     for near in where_nearest(one, two, task.target.tolist(), transform, slack):
         if near.gap > slack:
             break
@@ -72,13 +75,19 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
             continue
         across = np.linalg.svd(near.normal[None])[2][1:]
         across[1] = np.cross(near.normal, across[0])
-        drawn = across @ turn, across
-        bends = [
-            own @ patch.bends(x[None])[0] @ own.T / scale
-            for own, patch, x, scale in zip(drawn, patches, near.points, task.target, strict=True)
-        ]
-        frame = np.vstack([across, near.normal])
-        found[pair[0], pair[1], len(alike)] = RoundContact(near.points, frame, np.array(bends), patches)
+        drawn, places = (across @ turn, across), [near.points]  # and another one of a line that is held
+        for points in places:
+            each = zip(drawn, patches, points, task.target, strict=True)
+            bends = np.array([own @ patch.bends(x[None])[0] @ own.T / scale for own, patch, x, scale in each])
+            straight, along = np.linalg.eigh(bends.sum(axis=0))
+            step = STEP * task.size * along[:, 0] @ across
+            tilts = np.abs(rates[:, :3, :3] @ (turn.T @ step) @ near.normal).max() > DEFAULT.tie * task.size
+            tilts &= task.restored and straight[0] <= STRAIGHT * straight[1]
+            if len(places) == 1 and tilts and any(own.surface.flat for own in patches):
+                ends = near.points + np.array([[turn.T @ step, step], [-turn.T @ step, -step]]) / task.target[:, None]
+                places += [x for x in ends if all(k in own.at(y) for k, own, y in zip(pair, faces, x, strict=True))][:1]
+            frame = np.vstack([across, near.normal])
+            found[*pair, len(found)] = RoundContact(points, frame, bends, patches, len(places) > 1)
     return [*found.values()]
 
 
