@@ -301,7 +301,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
 
 
 def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int) -> Iterator[_Constraint | None]:
-    """Yield what keeps true faces apart that touch, or brings them together; None where the motion tilts a line of it.
+    """Yield what keeps true faces apart that touch, or brings them together; None where it tilts a line not `held`.
 
     The gap is that of a point and a plane, but for the bends. How it changes where the point is another, or the plane
     another one through it, says how the faces tilt and shift along each other. What must not change has no slope.
