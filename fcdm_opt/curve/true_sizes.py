@@ -37,7 +37,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
-KEPT = 16  # sizes whose faces are kept
+SHIFTED = 16  # sizes at which faces are looked at that several sizes shift
+KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
 
@@ -260,6 +261,12 @@ class TrueSizes:
             found[row, k] = box[k, end]
         for k, outwards in (each for own in self.faces for each in own.offsets.items()):
             found[1, k] = box[k, int(outwards)]
+        if len(columns) > 1:  # together they shift a round face in all directions
+            from scipy.stats.qmc import Sobol
+
+            around = np.tile(place, (SHIFTED, 1))
+            around[:, columns] = box[columns, 0] + Sobol(len(columns), rng=0).random(SHIFTED) * np.ptp(box[columns], 1)
+            found = np.vstack([found, around])
         return [own for own in np.unique(found, axis=0) if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:

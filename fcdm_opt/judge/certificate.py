@@ -44,6 +44,7 @@ from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 Judged = TypeVar("Judged", bound=Bounded)
 PROOF = "proof: "
+ONLY = "only motion"
 RESTORED = "contacts restored: none smaller by their equations, or no other motion"
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 SWEPT = 64  # keep-outs of which what they sweep is kept
@@ -104,7 +105,14 @@ def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tupl
     try:
         with pacing.judging():
             solution = fitting(solution)
-            return solution, verify(solution)
+            certificate = verify(solution)
+            while ONLY in {own.name for own in certificate.failed}:  # the intervals here show less than the solver's
+                half = 0.5 * cast("Solution", solution).unique_within
+                if not half >= solution.amount:  # what is proved rests on it
+                    break
+                solution = replace(solution, unique_within=half)  # type: ignore[call-arg]
+                certificate = verify(solution)
+            return solution, certificate
     except pacing.TimeOverError as over:
         untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
         return replace(solution, stopped=solution.stopped or str(over)), Certificate((untold,))
@@ -592,7 +600,7 @@ class _Judge:
         from fcdm_opt.judge.only_motion import only_motion
 
         proved = only_motion((self.problem,), self.q, claimed)
-        return [Check("only motion", proved, claimed, claimed, "half width of the box of weighted parameters")]
+        return [Check(ONLY, proved, claimed, claimed, "half width of the box of weighted parameters")]
 
     def contact(self) -> list[Check]:
         """Check that the tracked pair touches, by the claimed features, the nominal ones where those are tracked."""

@@ -263,3 +263,22 @@ def test_tolerances_of_balls_that_solve_takes_were_refused_by_the_stack_up() -> 
     stack = fo.stack_up(fo.Problem(tripod, floor, sizes=sizes, made={"1": 0.03}, goal="touch", motion=motion))
     assert [stack.worst().least, stack.worst().largest] == pytest.approx([-0.05, 0.05], abs=1e-9)
     assert fo.verify(stack).passed
+
+
+def test_a_hole_that_is_off_in_two_directions():
+    """A pin of 3.99 in a bore of 4.01 that is off by (x, y): the gap is .02 - hypot(x, y), of sigma .01 each 86.47 %.
+
+    It is no plane, so rows that touch it are off between the sizes at which they do: less than a tenth of the play, and
+    the judge says so. Four rows made it 91.03 %.
+    """
+    pin = fo.Cylinder(3.99, 10, base=(0, 0, -7), name="pin")
+    plate = fo.cut(fo.Box((40, 40, 12), centre=(0, 0, -6), name="plate"), fo.Cylinder(4.01, 30, base=(0, 0, -20)))
+    sizes = [fo.Size(own, "static", faces="bore radius 4.01", along=own, tolerance=0.03) for own in ("x", "y")]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    stack = fo.stack_up(fo.Problem(pin, plate, sizes=sizes, made={}, goal="clear", motion=motion), limits=(0, 1))
+    for x, y in ((0.03, 0.0), (0.0, -0.03), (0.03, 0.03), (-0.012, 0.027), (0.0, 0.0)):
+        gap = 0.02 - np.hypot(x, y)
+        assert gap - 1e-6 <= stack.gap({"x": x, "y": y}) <= gap + 0.002
+    assert stack.yield_().share == pytest.approx(1.0 - np.exp(-2.0), abs=0.01)
+    judged = fo.verify(stack)
+    assert not judged.passed

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from ordinary import box, problems
 
+import fcdm_opt as fo
 from fcdm_opt.design.whatif.whatif import WhatIf, whatif
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -309,3 +310,17 @@ def test_an_amount_was_predicted_below_zero_where_the_motion_goes_the_other_way(
     found = whatif(held, made={"rod": -0.02})
     assert found.predicted_amount == pytest.approx(0.01, rel=1e-9)
     assert found.after.amount == pytest.approx(0.01, rel=1e-9)
+
+
+def test_what_if_a_block_that_does_not_fit_were_smaller() -> None:
+    """A block .05 too high for its slot, between stops that leave it no way out: there is no motion to predict from."""
+    slot = fo.cut(fo.Box((30, 30, 20)), fo.Box((10, 40, 10)))
+    block, height = fo.Box((9, 30, 9.9)), fo.Size("height", "movable", faces="+z", tolerance=0.2)
+    shifts = fo.Translation("y") >> fo.Translation("z")
+    limits = {"TY": (-1, 1), "TZ": (-1, 1)}
+    asked = fo.Problem(block, slot, sizes=[height], made={"height": 0.15}, goal="clear", motion=shifts, limits=limits)
+    found = fo.whatif(asked, made={"height": 0.05})
+    assert found.before.status is fo.Status.INFEASIBLE
+    assert math.isnan(found.predicted_amount)
+    assert found.after.amount == pytest.approx(0.0)
+    assert "not predicted" in str(found)

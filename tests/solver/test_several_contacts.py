@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from itertools import combinations, product
@@ -867,3 +868,21 @@ def test_the_reason_of_an_impossibility_was_missing_in_plain_data_and_errors() -
         fo.solve(solution.problem, throw=True)
     again = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
     assert again.reason == solution.reason
+
+
+@pytest.mark.parametrize("scale", [1.01, 0.99])
+def test_a_box_of_only_one_motion_that_the_judge_shows_less_of(scale: float) -> None:
+    """A plate on three edges, as much larger: it moves by .3 and .2 without a turn; half a box was shown, not all."""
+
+    def edge(x: float, y: float, dx: float, dy: float) -> list[tuple[float, float, float]]:
+        across = [(x - 3 * dx + 2 * s * dy, y - 3 * dy + 2 * s * dx, z) for s in (-1, 1) for z in (-2, 10)]
+        return [(x, y, -2), (x, y, 10), *across]
+
+    plate = fo.Box((60, 40, 8), centre=(30, 20, 4), name="plate")
+    parts = [edge(12, 0, 0, 1), edge(48, 0, 0, 1), edge(0, 15, 1, 0)]
+    points = fo.Body.from_parts(parts, seed=(0, 0, 0), name="points")
+    motion = fo.Rotation("z", "origin") >> fo.Translation("x") >> fo.Translation("y")
+    found = fo.solve(fo.Problem(plate, points, target=(scale, 1), goal="at", contacts="all", motion=motion))
+    assert found.verified
+    assert found.amount == pytest.approx(math.hypot(0.3, 0.2), abs=1e-9)
+    assert found.lower_bound == pytest.approx(found.amount, rel=1e-9)

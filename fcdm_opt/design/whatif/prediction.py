@@ -68,7 +68,8 @@ def _of_motion(before: Any, new: Any) -> float | None:
     old, rates = before.question, before.sensitivity
     old = getattr(old, "restoring", None) or old
     others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
-    if old.amount != "weighted" or not all(same(old.request[key], new.request[key]) for key in others):
+    alike = all(same(old.request[key], new.request[key]) for key in others)
+    if not (alike and before.coordinates) or old.amount != "weighted":
         return None
     q = np.array([*before.coordinates.values()])
     for key, by in (("scales", "motion_by_scale"), ("made", "motion_by_size")):
