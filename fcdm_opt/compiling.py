@@ -104,10 +104,13 @@ def kernel(function: Callable[..., Any]) -> Any:
     return made
 
 
-def light(made: Any) -> Any:
-    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data."""
+def light(made: Any, share: float = 1.0) -> Any:
+    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data.
+
+    Or for a share of that: one that is called either a few times or very often.
+    """
     if not config.DISABLE_JIT:
-        made.patience = math.inf  # what it calls need not be there yet
+        made.patience, made.share = math.inf, share  # what it calls need not be there yet
     return made
 
 
@@ -138,7 +141,7 @@ class _Compiled(_Dispatcher):
         super().__init__(*args, **options)
         self._cache: Any = NullCache()
         self.keeps = False  # its code on disk
-        self.patience = 0.0
+        self.patience, self.share = 0.0, 1.0
         self.place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__name__}".encode())
         self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
         self._served: set[tuple[Any, ...]] = set()
@@ -205,7 +208,7 @@ class _Compiled(_Dispatcher):
             kept: Any = self._cache
             there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
             called = () if there else _with_called(self, set())
-            self.patience = COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
+            self.patience = self.share * COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
         lasting = min(self._lasting(), _left[0]) > 0.0 and not self.overloads
         return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 

@@ -29,6 +29,7 @@ from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
+from fcdm_opt.geometry.split_corners import split_corner
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.true_resizing import (
     corners_on_true_faces,
@@ -559,6 +560,9 @@ def _offset(moving: Resizing, values: Array) -> Body:
             if (anew := _cut_anew(moving, values)) is not None:
                 return anew
         made = Body.from_parts(points, seed=body.seed, name=body.name, unit=body.unit)
+        if body.triangles and rows_moved(body, made, moving.faces @ values) is None:
+            with _at(body, moving.sizes, values):
+                raise InputError("cuts between its parts do not go with its faces, and corners part")
         return replace(made, deviation=body.deviation)
     rows, parts = numbered
     if len(body.parts) == 1:
@@ -576,13 +580,27 @@ def _offset(moving: Resizing, values: Array) -> Body:
 
 
 def _cut_anew(moving: Resizing, values: Array) -> Body | None:
-    """Return a solid of several parts by where its faces meet now, labels as drawn; None where a corner splits."""
-    # its cuts do not go with the faces: what they bound besides would stick out, or be missing
-    body, rows = moving.body, _corners_moved(moving, values)
-    if len(body.parts) == 1 or not body.triangles or rows is None:
+    """Return a solid of several parts by where its faces meet now; None where that is not known."""
+    # its cuts do not go with the faces: what they bound besides would stick out, or be missing. Corners keep their
+    # labels; of one that splits one of the new ones does
+    body, rows, split = moving.body, list(moving.body.vertices), dict[tuple[int, int], list[int]]()
+    if len(body.parts) == 1 or not body.triangles:
         return None
-    triangles = surface_with_corners(body, rows).triangles_of_faces()
-    return replace(body, vertices=frozen(rows), triangles=triangles).by_features(0)
+    for label in body.corners:
+        move = _move_of_corner(moving, values, label)
+        if move is None:
+            parted = split_corner(body, moving.faces @ values, label - 1)
+            if parted is None:
+                return None
+            numbers = [label - 1, *range(len(rows), len(rows) + len(parted[0]) - 1)]
+            split |= {(face, label - 1): [numbers[k] for k in own] for face, own in parted[1].items()}
+            rows[label - 1] = parted[0][0]
+            rows += list(parted[0][1:])
+        else:
+            rows[label - 1] = rows[label - 1] + move
+    vertices = np.array(rows)
+    triangles = surface_with_corners(body, vertices, split).triangles_of_faces()
+    return replace(body, vertices=frozen(vertices), triangles=triangles).by_features(0)
 
 
 def _corners_moved(moving: Resizing, values: Array) -> Array | None:

@@ -5,7 +5,7 @@ Their convex parts are those of the body drawn where these still fill it, else i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
@@ -84,8 +84,13 @@ def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     return rates
 
 
-def surface_with_corners(body: Body, rows: Array) -> Surface:
-    """Return the surface of a solid whose corners are elsewhere; refuse it where faces meet others than as drawn."""
+def surface_with_corners(
+    body: Body, rows: Array, split: Mapping[tuple[int, int], Sequence[int]] | None = None
+) -> Surface:
+    """Return the surface of a solid whose corners are elsewhere; refuse it where faces meet others than as drawn.
+
+    `split`: by face and corner, both as rows, the corners that a face has instead of one that parted.
+    """
     from manifold3d import triangulate
 
     normals, triangles = body.face_planes[0], list[Ints]()
@@ -93,6 +98,8 @@ def surface_with_corners(body: Body, rows: Array) -> Surface:
         own_corners, flat = {label - 1 for label in body.faces[face]}, np.linalg.svd(normals[[face]])[2][1:]
         flat = flat * [[1.0], [np.linalg.det(np.vstack([flat, normals[face]]))]]  # counter-clockwise stays so
         loops = [[v for v in loop if v in own_corners] for loop in rims(own)]
+        if split:
+            loops = [[new for v in loop for new in split.get((face, v), (v,))] for loop in loops]
         places = np.concatenate(loops)
         triangles.append(places[np.array(triangulate([rows[loop] @ flat.T for loop in loops]))])
     found, owners = np.concatenate(triangles), np.repeat(np.arange(len(triangles)), list(map(len, triangles)))

@@ -315,3 +315,60 @@ def test_a_notch_whose_cut_ran_into_a_corner_elsewhere() -> None:
         moved = label in {corner for k in flanks for corner in block.faces[k]}
         assert now == pytest.approx(np.add(was, (0.02 * moved, 0.0, 0.0)), abs=1e-12)
     assert sum(ConvexHull(part.vertices).volume for part in made.parts) == pytest.approx(20.0 * (1200 - 9 * 15.75 / 2))
+
+
+HIGH = 100.0
+
+
+def profile(low: Any, high: Any, axis: int) -> Manifold:
+    """A prism along an axis, x or y, of given corners (across, z)."""
+    other, points = 1 - axis, []
+    for end in (-HIGH, HIGH):
+        for across, z in (*low, *high):
+            point = [0.0, 0.0, z]
+            point[axis], point[other] = end, across
+            points.append(point)
+    return Manifold.hull_points(np.array(points))
+
+
+def flared(axis: int, low: float, high: float, flare: float) -> Manifold:
+    """The space between two walls that turn outwards by 45 degrees: below z = flare, of walls 5 or 2 from the middle."""
+    wide = (5.0, 2.0)[axis]
+    between = profile([(low, -8.0), (high, -8.0)], [(low, 0.0), (high, 0.0)], 1 - axis)
+    mouth = [(-wide + 3.0, flare - 3.0), (wide - 3.0, flare - 3.0)] if axis == 0 else [(0.0, flare - 2.0)]
+    return between + profile(mouth, [(-wide + flare, 0.0), (wide - flare, 0.0)], 1 - axis)
+
+
+@pytest.mark.parametrize("moved", [0.1, -0.1, 0.25])
+def test_the_foot_of_a_chamfer_stayed_where_the_wall_below_had_moved(moved: float) -> None:
+    # four faces that no longer share a point, convex and concave in turn: each wall with its chamfer, as in a sketch
+    def pocket(x: float) -> Manifold:
+        return box((-8, -5, -12), (8, 5, 0)) - (flared(0, -5.0 + x, 5.0 + x, -1.0) ^ flared(1, -2.0, 2.0, -1.0))
+
+    walls = fo.Size("x", "static", faces=[{"through": (k, 0, -5)} for k in (-5, 5)], along="x", tolerance=0.3)
+    drawn = fit_for_sizes(body(pocket(0.0)), (walls,))
+    made, wanted = filled(resized(drawn, {walls: moved})), pocket(moved)
+    assert abs(wanted.volume() - pocket(0.0).volume()) > 1e-15
+    assert (made - wanted).volume() + (wanted - made).volume() <= 1e-9
+
+
+@pytest.mark.parametrize("moved", [0.1, -0.1, 0.25])
+def test_the_top_of_a_flare_stayed_where_the_wall_above_had_moved(moved: float) -> None:
+    flare = Manifold.hull_points(np.array([*product((-6.0, 6.0), (-3.0, 3.0), (0.0,)), (-3.0, 0.0, 3.0), (3.0, 0.0, 3.0)]))
+
+    def boss(x: float) -> Manifold:
+        return box((-9, -6, -3), (9, 6, 0)) + flare + box((-5.0 + x, -2, -1), (5.0 + x, 2, 6))
+
+    walls = fo.Size("x", "static", faces=[{"through": (k, 0, 4)} for k in (-5, 5)], along="x", tolerance=0.3)
+    made, wanted = filled(resized(fit_for_sizes(body(boss(0.0)), (walls,)), {walls: moved})), boss(moved)
+    assert (made - wanted).volume() + (wanted - made).volume() <= 1e-9
+
+
+def test_a_plug_was_held_by_a_lip_that_a_wider_pocket_does_not_have() -> None:
+    pocket = box((-8, -5, -12), (8, 5, 0)) - (flared(0, -5.0, 5.0, -1.0) ^ flared(1, -2.0, 2.0, -1.0))
+    plug = fo.Box((9.8, 3.8, 10.0), centre=(0.0, 0.0, -2.5), name="plug")
+    walls = fo.Size("x", "static", faces=[{"through": (k, 0, -5)} for k in (-5, 5)], along="x", tolerance=0.3)
+    problem = fo.Problem(plug, body(pocket), sizes=[walls], made={"x": 0.25}, goal="touch", motion=fo.Translation("x"))
+    solution = fo.solve(problem, certify=True)
+    assert solution.amount == pytest.approx(0.15, abs=1e-9)
+    assert solution.lower_bound == pytest.approx(0.15, abs=1e-9)

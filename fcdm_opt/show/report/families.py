@@ -21,8 +21,8 @@ from fcdm_opt.show.texts import motion_text, parameter_texts
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
-FACTORS = tuple(k / 5 for k in range(11))
-"""Multiples of the tolerance: none, as asked, and up to twice as much."""
+FACTORS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5)
+"""Multiples of the tolerance: none, as asked, and half as much again."""
 
 SHARES = tuple(k / 20 for k in range(31))
 """Shares of the motion: rest, whole, and half as far again."""
