@@ -38,7 +38,7 @@ OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
 PARALLEL = DEFAULT.line  # sine of the angle of two edges up to which they give no direction
-SHARE = 0.25  # of the time of compiling them that they run as written: a proof has a few cells or thousands
+SHARE = 0.16  # of the time of compiling them that they run as written: a proof has a few cells or thousands
 STEEP = 1e-3  # and above which rounding turns it by less than matters
 
 
