@@ -258,6 +258,8 @@ class Body(_Sealed, NotebookRepr):
         Length by which each corner may be off what was drawn, by the digits of the file that it was read from.
     exact : ExactPoints or None
         The points of round faces at which it is exact, and the body of facets that it was made of.
+    drawn : Body or None
+        The body whose faces were moved to make this one: faces that are called alike keep its numbers.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
         Of all its lengths, "" where none is named; a `Problem` takes it over, and no number follows from it.
     """
@@ -278,6 +280,7 @@ class Body(_Sealed, NotebookRepr):
     part_indices: tuple[int, ...] = field(default=(), repr=False)
     rounding: float = 0.0
     exact: ExactPoints | None = field(default=None, repr=False)
+    drawn: Body | None = field(default=None, repr=False)
     unit: UnitOrNone = ""
 
     @classmethod

@@ -31,6 +31,7 @@ STEEP = 0.9  # cosine: two cones side by side that are turned less against one a
 BLUNT = 0.98  # component of a cone's normals along its axis from which on it may be a corner of any round face
 ASLANT = 0.2  # component of a normal from which on a face looks along that axis too
 FEW, MOST = 4, 6  # digits of a radius: of files of early versions; that are told, as far as corners agree in them
+NUMBER = re.compile(r" no\. \d+$")
 RADIUS = re.compile(r"(?<= radius )\S+|(?<= to )\S+")
 NUMBERED = 24  # corners of a body up to which one is told by its number
 TIP = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
@@ -56,7 +57,7 @@ def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]
     `four_digits`: with radii to `FEW` digits.
     """
     normals, rounds = _looks(body)
-    return {**_plane(body, normals, MANY), **_numbered(rounds, four_digits)}
+    return {**_plane(body, normals, MANY), **_numbered(body, rounds, four_digits)}
 
 
 class Round(NamedTuple):
@@ -103,13 +104,19 @@ def radius_text(radius: float, off: float = 0.0) -> str:
     return f"{radius:.{known}g}"
 
 
-def _numbered(rounds: Sequence[Round], four_digits: bool) -> dict[Label, str]:
-    """Return the name of each round face; what is called alike is numbered."""
+def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[Label, str]:
+    """Return the name of each round face; what is called alike is numbered, as drawn where its faces were moved."""
     order = sorted(range(len(rounds)), key=lambda k: rounds[k].faces)
     called = [
         RADIUS.sub(lambda own: f"{float(own[0]):.{FEW}g}", own.name) if four_digits else own.name for own in rounds
     ]
     names = dict(sorted(zip(order, numbered_names([called[k] for k in order]), strict=True)))
+    if body.drawn is not None and body.drawn.faces == body.faces:
+        known = names_of_faces(body.drawn, four_digits=four_digits)
+        numbers = [NUMBER.search(known.get(own.faces[0], "")) for own in rounds]
+        as_drawn = {k: called[k] + (number[0] if number else "") for k, number in enumerate(numbers)}
+        if len(set(as_drawn.values())) == len(names):  # else sizes have made faces alike that are not as drawn
+            names = as_drawn
     return {face: name for k, name in names.items() for face in rounds[k].faces}
 
 
@@ -217,7 +224,7 @@ def described_faces(body: Body, *, four_digits: bool = False) -> dict[Label, tup
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
     normals, rounds = _looks(body)
     named = {}
-    for face, name in {**_plane(body, normals, 0), **_numbered(rounds, four_digits)}.items():
+    for face, name in {**_plane(body, normals, 0), **_numbered(body, rounds, four_digits)}.items():
         normal = normals[face]
         along = [k for k in np.argsort(-np.abs(normal), kind="stable").tolist() if abs(normal[k]) >= ASLANT]
         sides = [f"{'-+'[int(normal[k] > 0.0)]}{'xyz'[k]}" for k in along]

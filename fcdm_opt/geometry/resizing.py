@@ -237,15 +237,15 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
         return scaled
     values = np.array(list(lengths.values()))
     offsets = offsets_of_faces(body, tuple(lengths)) @ values
+    made = None
     if body.is_surface:
         with _at(body, tuple(lengths), values):
-            found = _surface_resized(scaled, offsets)
+            made = _with_faces_moved(scaled, _surface_resized(scaled, offsets), offsets)
     else:
-        round_one = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
-        if round_one is not None:
-            return round_one
-        found = _offset(_resizing(scaled, tuple(lengths), drawn=body), values)
-    return _with_faces_moved(scaled, found, offsets)
+        made = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
+    if made is None:
+        made = _with_faces_moved(scaled, _offset(_resizing(scaled, tuple(lengths), drawn=body), values), offsets)
+    return replace(made, drawn=body)
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:

@@ -20,10 +20,10 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import all_recognised, round_surfaces
-from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, told_element
+from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, round_faces, told_element
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
-from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut
-from fcdm_opt.geometry.resizing import Resizing, _by_features
+from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut, joined
+from fcdm_opt.geometry.resizing import Resizing, _by_features, resized
 from fcdm_opt.show.stacks import print_faces
 
 
@@ -320,3 +320,23 @@ def test_a_flat_that_cuts_through_facets_left_a_round_wall_without_its_cylinder(
     assert offered[f"flat F{k + 1}"] == ((f"F{k + 1}",), -1.0 if inside else 1.0)
     assert offered[f"{'bore' if inside else 'cylinder'} diameter {2.0 * radius:g}"][1] == (-0.5 if inside else 0.5)
     assert not any("slanted" in what for _, _, what, _ in widths(body))
+
+
+def test_a_pin_that_came_out_larger_took_its_number_from_the_others():
+    places = (0.0, 10.0, 20.0)
+    pins = [Cylinder(2.0, 6.0, base=(x, 0.0, -1.0)) for x in places]
+    plate = joined(Box((40.0, 10.0, 2.0), centre=(10.0, 0.0, -1.0)), *pins, name="plate")
+    sizes = [Size(f"pin {k}", "static", faces=f"cylinder radius 2 no. {k}", tolerance=0.1) for k in (1, 2, 3)]
+
+    def names(*made: float) -> list[str]:
+        one = resized(plate, dict(zip(sizes, made, strict=True)))
+        found = dict.fromkeys(names_of_faces(one)[own.faces[0]] for own in sorted(round_faces(one), key=x_of(one)))
+        return list(found)
+
+    def x_of(one: Body):
+        return lambda own: one.vertices[np.unique(own.faces) - 1, 0].mean()
+
+    drawn = [name.rsplit(" ", 1)[1] for name in names(0.0, 0.0, 0.0)]  # of the pins from left to right
+    which = [int(number) - 1 for number in drawn]
+    for made in ((0.0, 0.05, 0.0), (0.01, 0.05, 0.02)):
+        assert names(*made) == [f"cylinder radius {2.0 + made[k]:g} no. {k + 1}" for k in which]
