@@ -16,7 +16,7 @@ from fcdm_opt.curve.contact import site_corners
 from fcdm_opt.curve.kernels import E1E2, F1V2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.exact_points import BENT
-from fcdm_opt.geometry.patches import Patch, true_faces
+from fcdm_opt.geometry.patches import Patch, TrueFaces, true_faces
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.tolerances import DEFAULT
@@ -42,10 +42,11 @@ class RoundContact(NamedTuple):
         if not (normals @ self.frame[2]).max() > np.cos(BENT):
             return False
         pair = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
+        near = max(STRAIGHT * task.size, *(own.slack for own in _true_faces(task)))
         for site in sites.tolist():  # an edge of a plane face is beside all contacts of this face
             k = int(self.patches[0].surface.flat) if site[0] == E1E2 else int(site[0] == F1V2)
             corners = pair[k].vertices[list(site_corners(*pair, site)[k])]
-            if np.abs(self.patches[k].gaps(corners)[0]).min() <= STRAIGHT * task.size:
+            if np.abs(self.patches[k].gaps(corners)[0]).min() <= near:
                 return True
         return False
 
@@ -55,8 +56,8 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
     if task.movable.exact is None and task.static.exact is None:
         return None
     transform, found = task.transform(q), dict[tuple[int, int, int], RoundContact]()
-    one, two = (own.exact.facets if own.exact else own for own in (task.movable, task.static))
-    faces = true_faces(one), true_faces(two)
+    faces = _true_faces(task)
+    one, two = (own.body for own in faces)
     turn, rates = transform[:3, :3], task.motion.kinematics(task.movable.seed, task.static.seed).rates(q)[1]
     for near in where_nearest(one, two, task.target.tolist(), transform, slack):
         if near.gap > slack:
@@ -89,6 +90,12 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
             frame = np.vstack([across, near.normal])
             found[*pair, len(found)] = RoundContact(points, frame, bends, patches, len(places) > 1)
     return [*found.values()]
+
+
+def _true_faces(task: Task) -> tuple[TrueFaces, TrueFaces]:
+    """Return the true faces of both bodies."""
+    one, two = (own.exact.facets if own.exact else own for own in (task.movable, task.static))
+    return true_faces(one), true_faces(two)
 
 
 def curved(contact: RoundContact, shifts: Array, turns: Array, twist: Array) -> tuple[Array, Array] | None:

@@ -417,11 +417,12 @@ def _by_one_size(problem: Problem, size: Size) -> Field:
         if owner != (1 if size.body == "movable" else 2):
             return np.zeros(3)
         rows = _rows_at(body, point)
-        if body.exact is not None and not len(rows):
+        known = None if rates is None or not len(rows) else np.asarray(rates[rows[0]])
+        if body.exact is not None and (known is None or np.isnan(known).any()):
             return true_point_rate(body, problem.request[size.body], made, size, point)
         if rates is None:
             return np.full(3, np.nan)
-        return np.asarray(rates[rows[0]]) if len(rows) else _within_face(body, rates, point)
+        return known if known is not None else _within_face(body, rates, point)
 
     return moves
 

@@ -106,6 +106,41 @@ def v_block(half: float, radius: float) -> fo.Body:
     return fo.Prism([(apex - 5, -y), (x, -y), (apex, 0), (x, y), (apex - 5, y)], 20.0, name="block")
 
 
+ROLLER_IN_V = """
+bodies.movable = { file = "roller.stl", unit = "mm", round = true }
+bodies.static = { file = "block.stl", unit = "mm" }
+[[size]]
+name = "diameter"
+body = "movable"
+faces = "cylinder radius 12"
+each = 0.5
+tolerance = 0.05
+[[case]]
+name = "thin"
+goal = "at"
+contacts = "all"
+made = { diameter = -0.04 }
+motion = [{ translation = "x" }, { translation = "y" }]
+"""
+
+
+@pytest.mark.parametrize("half", [np.pi / 4, np.pi * 3 / 16])
+def test_a_roller_of_single_precision_had_no_derivative_by_its_diameter(tmp_path, half: float) -> None:
+    """Corners of its rims are off its cylinder by the digits of the file, and were contacts besides that of its face."""
+    solids = trimesh.creation.cylinder(12.0, 60.0, sections=64), trimesh.Trimesh(  # corners where it touches
+        **trimesh.triangles.to_kwargs(v_block(half, 12.0).face_triangles[0])
+    )
+    for solid, name in zip(solids, ("roller", "block"), strict=True):
+        solid.apply_translation((0.3, -3.03, 0.0))
+        solid.export(tmp_path / f"{name}.stl")
+    (tmp_path / "v.toml").write_text(ROLLER_IN_V, encoding="utf-8")
+    (problem,) = fo.load_problems(tmp_path / "v.toml")
+    found = fo.solve(problem)
+    assert found.amount == pytest.approx(0.02 / sin(half), abs=1e-5)
+    assert found.sensitivity.sizes["diameter"] == pytest.approx(-0.5 / sin(half), abs=1e-6)
+    assert found.sensitivity.motion_by_size["diameter"] == pytest.approx([0.5 / sin(half), 0.0], abs=1e-6)
+
+
 @pytest.mark.parametrize(("half", "off"), [*product((np.pi / 4, np.pi * 3 / 16, np.pi * 3 / 8), (-0.05, 0.05))])
 def test_a_roller_stays_on_both_flanks_where_one_is_nearer(half: float, off: float) -> None:
     """A thin one touches sooner by going to one flank: what both need was known of facets alone."""
