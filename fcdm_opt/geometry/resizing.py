@@ -426,7 +426,8 @@ def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: S
     # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
     facets = body if body.exact is None else body.exact.facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
-    near, offsets = faces.at(point, faces.slack), offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
+    offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
+    near = faces.at(point, faces.slack)
     alike = len(near) == 1 or faces.is_round[near].any()
     of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
     if of_drawn is None:

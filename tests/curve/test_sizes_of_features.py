@@ -332,7 +332,7 @@ def profile(low: Any, high: Any, axis: int) -> Manifold:
 
 
 def flared(axis: int, low: float, high: float, flare: float) -> Manifold:
-    """The space between two walls that turn outwards by 45 degrees: below z = flare, of walls 5 or 2 from the middle."""
+    """The space between two walls that turn outwards by 45 degrees: below z = flare, of walls 5 or 2 off the middle."""
     wide = (5.0, 2.0)[axis]
     between = profile([(low, -8.0), (high, -8.0)], [(low, 0.0), (high, 0.0)], 1 - axis)
     mouth = [(-wide + 3.0, flare - 3.0), (wide - 3.0, flare - 3.0)] if axis == 0 else [(0.0, flare - 2.0)]
@@ -354,7 +354,8 @@ def test_the_foot_of_a_chamfer_stayed_where_the_wall_below_had_moved(moved: floa
 
 @pytest.mark.parametrize("moved", [0.1, -0.1, 0.25])
 def test_the_top_of_a_flare_stayed_where_the_wall_above_had_moved(moved: float) -> None:
-    flare = Manifold.hull_points(np.array([*product((-6.0, 6.0), (-3.0, 3.0), (0.0,)), (-3.0, 0.0, 3.0), (3.0, 0.0, 3.0)]))
+    ridge = [(-3.0, 0.0, 3.0), (3.0, 0.0, 3.0)]
+    flare = Manifold.hull_points(np.array([*product((-6.0, 6.0), (-3.0, 3.0), (0.0,)), *ridge]))
 
     def boss(x: float) -> Manifold:
         return box((-9, -6, -3), (9, 6, 0)) + flare + box((-5.0 + x, -2, -1), (5.0 + x, 2, 6))

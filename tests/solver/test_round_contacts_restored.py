@@ -126,11 +126,10 @@ motion = [{ translation = "x" }, { translation = "y" }]
 
 @pytest.mark.parametrize("half", [np.pi / 4, np.pi * 3 / 16])
 def test_a_roller_of_single_precision_had_no_derivative_by_its_diameter(tmp_path, half: float) -> None:
-    """Corners of its rims are off its cylinder by the digits of the file, and were contacts besides that of its face."""
-    solids = trimesh.creation.cylinder(12.0, 60.0, sections=64), trimesh.Trimesh(  # corners where it touches
-        **trimesh.triangles.to_kwargs(v_block(half, 12.0).face_triangles[0])
-    )
-    for solid, name in zip(solids, ("roller", "block"), strict=True):
+    """Corners of its rims are off its cylinder by the digits of the file, and were contacts besides its face's."""
+    block = trimesh.Trimesh(**trimesh.triangles.to_kwargs(v_block(half, 12.0).face_triangles[0]))
+    roller = trimesh.creation.cylinder(12.0, 60.0, sections=64)  # with corners where it touches
+    for solid, name in ((roller, "roller"), (block, "block")):
         solid.apply_translation((0.3, -3.03, 0.0))
         solid.export(tmp_path / f"{name}.stl")
     (tmp_path / "v.toml").write_text(ROLLER_IN_V, encoding="utf-8")
