@@ -55,8 +55,9 @@ class PairRows(NamedTuple):
     features: Sequence[Feature] = ()  # of contacts as drawn, in place of elements
 
     def some(self, rows: Ints) -> PairRows:
-        """Return some rows, of elements."""
-        return PairRows(self.parts, self.values[rows], self.normals[rows], [self.elements[k] for k in rows.tolist()])
+        """Return some rows."""
+        own = ([each[k] for k in rows.tolist()] if len(each) else [] for each in (self.elements, self.features))
+        return PairRows(self.parts, self.values[rows], self.normals[rows], *own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,9 @@ class TouchingSizes:
     permanent: tuple[PairRows, ...] = ()  # of part pairs that touch at all sizes of the box and were left out, see `of`
     # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
+    between: float = (
+        0.0  # by how much gaps may be less between two directions that have rows, see `TrueSizes.all_around`
+    )
     as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
 
     @classmethod

@@ -37,6 +37,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
+AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
+ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 SHIFTED = 16  # sizes at which faces are looked at that several sizes shift
 KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points of a time are one
@@ -52,19 +54,23 @@ def touching_true_faces(
     at_all, every_row = TrueSizes.of(one, two, sizes, how.get("carried")), how.get("least", True)
     pose = np.eye(4) if transform is None else np.asarray(transform, float)
     others = list[Array]()  # those at which rows and true faces differ yet
+    along = (how.get("shifts") or (np.empty((0, 3)),))[0]
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
         apart, met = at_all.apart(pose), at_all.normals_met(pose)
         every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, normals=met, **how)
-        found = at_all.counted(every)
+        found = at_all.all_around(at_all.counted(every), pose, along)
         ends = [own[::-1] for own in (found.least(), found.largest())]
         if not turn:  # all that may be the nearest at some sizes
             ends.append((np.zeros(len(sizes)), ends[0][1] + 2.0 * at_all.largest_move))
-            others = at_all.shifted(ends[0][0]) if every_row else []
-        asked = [*((own, float(found.gap(own))) for own in others), *ends]
-        if not at_all.refined(pose, asked):
+        asked = [*((own, float(found.gap(own)) - at_all.between) for own in others), *ends]
+        refined = at_all.refined(pose, asked)
+        if not turn and every_row and (others := at_all.shifted(ends[0][0])):
+            continue  # with rows all around round faces that touch there
+        if not refined:
             pairs = _without_hidden(found.pairs, found.box)
-            return replace(found, pairs=pairs, permanent_faces=frozenset(at_all.permanent))
+            faces = frozenset(at_all.permanent)
+            return replace(found, pairs=pairs, permanent_faces=faces, between=at_all.between)
         near = zip([place for place, _ in asked], at_all.deepest, strict=True)
         others = [place for place, own in near if own is not None and (every_row or turn)]
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
@@ -211,7 +217,7 @@ class TrueSizes:
     `permanent` are the patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate:
     not counted. With `of_rest` only those that do so at rest are, whatever pose is looked at; else those of any pose.
     `asked` are the sizes last asked of `refined` with the gaps claimed, `deepest` of each the gap of the true faces and
-    its direction, where it is less.
+    its direction, where it is less; `between`, how much that may be between two directions of `all_around`.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sequence[Size], carried: Array | None = None) -> None:
@@ -221,6 +227,7 @@ class TrueSizes:
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
         self.permanent, self.of_rest = set[tuple[int, int]](), False
+        self.between = 0.0
         self.deepest = list[tuple[float, Array] | None]()
         self.asked = list[tuple[Array, float]]()
         self.bodies = self._exact()
@@ -328,6 +335,84 @@ class TrueSizes:
                 found[next(first) + i, next(first) + j] = np.concatenate(normals)
         return found
 
+    def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
+        """Return rows with those of all directions in which a pin may come nearest to its bore, or a ball to its socket.
+
+        Of such that sizes, or shifts along `along` (s, 3), move about in a plane or in space: their gap is the least over
+        directions of rows, of which `AROUND` stand for all of a plane, to within 1 - cos(pi / AROUND) of how far
+        centres are apart. Where they move along a line, or are not the same all around, there is nothing to add.
+        """
+        counts = [len(body.parts) - len(body.exact.pieces) for body in self.bodies if body.exact is not None]
+        added, known = list[PairRows](), set[tuple[int, int]]()
+        for own in found.pairs if len(counts) == 2 and all(size.scale is None for size in self.sizes) else ():
+            numbers = [place - count for place, count in zip(own.parts, counts, strict=True)]
+            if min(numbers) < 0:
+                continue
+            points = [x[k] for x, k in zip(self._piece_points, numbers, strict=True)]
+            for met in product(*(each.faces.at(x) for each, x in zip(self.faces, points, strict=True))):
+                if met not in known:
+                    known.add(met)
+                    feature, rows = found.feature(own, 0), self._around(met, points, pose, along)
+                    added += [PairRows((0, 0), values[None], n[None], [], [feature]) for values, n in rows]
+        last = [len(body.parts) for body in self.bodies]  # each by itself, as of pieces that are not made
+        numbered = (own._replace(parts=(last[0] + k, last[1] + k)) for k, own in enumerate(added))
+        return replace(found, pairs=(*found.pairs, *numbered))
+
+    @property
+    def _piece_points(self) -> list[list[Array]]:
+        """The points as drawn at which each body has a piece."""
+        return [
+            [] if body.exact is None else [body.vertices[piece.first - 1] for piece in body.exact.pieces]
+            for body in self.bodies
+        ]
+
+    def _around(
+        self, met: tuple[int, int], points: Sequence[Array], pose: Array, along: Array
+    ) -> list[tuple[Array, Array]]:
+        """Return rows of a pin in its bore, or a ball in its socket, and all directions in which sizes move them."""
+        one, two = (each.faces.patches[k] for each, k in zip(self.faces, met, strict=True))
+        shape = one.surface.line, one.surface.ring
+        turned = any(np.abs(each.moves.turns).max(initial=0.0) for each in self.faces)
+        if turned or one.concave == two.concave or (two.surface.line, two.surface.ring) != shape:
+            return []
+        if shape not in (((1.0, 0.0), 0.0), (None, 0.0)):
+            return []
+        turns, near = (pose[:3, :3], np.eye(3)), DEFAULT.tie * self.size
+        frame, side = np.eye(3), 1.0 if two.concave else -1.0
+        if shape[0] is not None:
+            frame = np.linalg.svd(two.surface.axis[None])[2][1:]
+            if np.abs(frame @ turns[0] @ one.surface.axis).max() * self.size > near:
+                return []
+
+        def feet(n: Array) -> list[Array]:
+            """Return the point of each face, as drawn, that looks along a direction."""
+            found = list[Array]()
+            for own, patch, x, turn in zip(self.faces, (one, two), points, turns, strict=True):
+                origin, axis = patch.surface.origin, patch.surface.axis
+                up = 0.0 if shape[0] is None else (x - origin) @ axis
+                found.append(origin + up * axis + side * patch.surface.radius * (n @ turn))
+            return found
+
+        def row(n: Array) -> Array:
+            """Return the gap in a direction from body 1 to body 2, and how it changes with each size and way."""
+            rates, places = -self.carried @ n, feet(n)
+            for own, k, x, turn, sign in zip(self.faces, met, places, turns, (-1.0, 1.0), strict=True):
+                rates[own.columns] += sign * (n @ turn) @ own.moves.at(x, *_meeting(own.faces, [k], x))
+            gap = n @ (places[1] - (turns[0] @ places[0] + pose[:3, 3]))
+            return np.concatenate([[gap], rates, -along @ n])
+
+        ends = np.array([[row(n), row(-n)] for n in frame])
+        middle, odd = ends[0].mean(axis=0), (ends[:, 0] - ends[:, 1]) / 2.0
+        widths = [max(map(abs, size.tolerance or (0.0, 0.0))) for size in self.sizes]
+        moved = odd * np.concatenate([[1.0], widths, np.full(len(along), self.size)])
+        (directions, share), added = _directions(moved, near), list[tuple[Array, Array]]()
+        self.between = max(self.between, share * float(np.linalg.norm(moved, axis=0).sum()))
+        for shares in directions:
+            n = shares @ frame
+            if all(own.faces.has_point(k, x) for own, k, x in zip(self.faces, met, feet(n), strict=True)):
+                added.append((middle + shares @ odd, n))
+        return added
+
     def _within_round(self, own: PairRows) -> bool:
         """Tell whether a row of a part pair is of a facet that is within a round face, or beside one."""
         for role, (body, drawn, place) in enumerate(zip(self.bodies, self.facets, own.parts, strict=True)):
@@ -423,6 +508,23 @@ def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[li
     """Return rows of the body's faces that stand for patches at a point, and the normals of these there, (k, 3)."""
     normals = [faces.patches[k].gaps(point[None])[1][0] for k in patches]
     return [faces.row_at(k, point) for k in patches], np.array(normals).reshape(-1, 3)
+
+
+def _directions(moved: Array, near: float) -> tuple[Array, float]:
+    """Return directions, (m, k), that stand for all in the plane or the space that columns of (k, n) span; else none.
+
+    And by what share of a length its largest component along one of them may be less.
+    """
+    spread = np.linalg.svd(moved)
+    plane = spread[0][:, spread[1] > near].T
+    if len(plane) < 2:
+        return np.empty((0, len(moved))), 0.0
+    if len(plane) == 2:
+        angles = 2.0 * np.pi * np.arange(AROUND) / AROUND
+        return np.column_stack([np.cos(angles), np.sin(angles)]) @ plane, 1.0 - float(np.cos(np.pi / AROUND))
+    heights = (np.arange(ALL_AROUND) + 0.5) / (0.5 * ALL_AROUND) - 1.0  # a spiral with turns of the golden angle
+    angles, radii = np.pi * (3.0 - 5.0**0.5) * np.arange(ALL_AROUND), np.sqrt(1.0 - heights**2)
+    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles), heights]), BETWEEN
 
 
 class SizedFaces:

@@ -62,6 +62,7 @@ class GapClaims:
     listed: Array | None = None  # (n, k), optional: all sizes that are spoken of, where it is not the whole box
     # the gaps, (n,), that are told there. Without one only the range is told
     told: Callable[[Array], Array] | None = None
+    within: float = 0.0  # by how much these may be off, as is told
     permanent: Sequence[tuple[int, int]] = ()  # part pairs that are not counted
     # with them the gap is that of the true faces, without these patches of both, by number in `true_faces`
     permanent_faces: frozenset[tuple[int, int]] | None = None
@@ -117,7 +118,7 @@ class GapClaims:
         if self.told is not None and made:
             told = self.told(np.array([place for _, place in made])).tolist()
             off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
-            checks.append(_at_most("gap at sampled sizes", off, slack, lost))
+            checks.append(_at_most("gap at sampled sizes", off, slack + self.within, lost))
         if self.permanent:
             wide = max(gap[2] for gap in gaps if gap is not None)
             checks.append(_at_most("contacts not counted", wide, slack, "how far open, or overlapping, at most"))

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.spread import GapYield
     from fcdm_opt.design.stack.stack_up import RootSumSquare, SizeShare, StackUp
 
+MANY = 32  # rows of a contact from which on they are of directions all around
 MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
 BEYOND = "* beyond the worst case, which holds for all pairs within their tolerances"
@@ -177,14 +178,21 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     for told in stack_notes(stack):
         print_text(told)
         print_text()
-    alike = Counter[tuple[str, str, str]]()
+
+    def by_direction(told: str) -> str:
+        own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == told])
+        ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
+        return ", ".join(f"{name} {signed(low, 3)} to {signed(high, 3)}" for name, low, high in ends if high > low)
+
+    alike, directions = Counter[tuple[str, str, str]](), Counter(row.told for row in stack.rows)
     for row in stack.rows:
-        sizes = _sizes({name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie})
+        moved = {name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie}
+        sizes = by_direction(row.told) if directions[row.told] > MANY else _sizes(moved)
         drawn = row.gap if abs(row.gap) > noise else 0.0
         alike[row.told, signed(drawn), sizes or "no size moves it"] += 1
     print_rows([
         {
-            "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
+            "contact": shortened(contact, LONGEST) + (f" ({count} {'directions' if directions[contact] > MANY else 'alike'})" if count > 1 else ""), "as drawn": gap,
             "gap per unit of each size": wrapped(sizes, LONGEST),
         }
         for (contact, gap, sizes), count in alike.items()
@@ -204,7 +212,7 @@ def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, fl
 
 def contributions_of(stack: StackUp) -> list[SizeShare]:
     """Return what each size contributes, a mean over pairs drawn as 0 where it is nothing but what drawing leaves."""
-    least = DRAWN_ZERO * max(abs(own.coefficient) for own in stack.contributions)
+    least = DRAWN_ZERO * max((abs(x) for row in stack.rows for x in row.coefficients.values()), default=0.0)
     return [own if abs(own.coefficient) > least else replace(own, coefficient=0.0) for own in stack.contributions]
 
 
