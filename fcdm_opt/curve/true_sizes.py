@@ -336,11 +336,11 @@ class TrueSizes:
         return found
 
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
-        """Return rows with those of all directions in which a pin may come nearest to its bore, or a ball to its socket.
+        """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.
 
-        Of such that sizes, or shifts along `along` (s, 3), move about in a plane or in space: their gap is the least over
-        directions of rows, of which `AROUND` stand for all of a plane, to within 1 - cos(pi / AROUND) of how far
-        centres are apart. Where they move along a line, or are not the same all around, there is nothing to add.
+        Of such that sizes, or shifts along directions (s, 3), move about in a plane or in space: their gap is the least
+        over directions of rows, of which `AROUND` stand for all of a plane, to within 1 - cos(pi / AROUND) of how far
+        centres are apart. Where they move along a line there is nothing to add.
         """
         counts = [len(body.parts) - len(body.exact.pieces) for body in self.bodies if body.exact is not None]
         added, known = list[PairRows](), set[tuple[int, int]]()
@@ -349,7 +349,8 @@ class TrueSizes:
             if min(numbers) < 0:
                 continue
             points = [x[k] for x, k in zip(self._piece_points, numbers, strict=True)]
-            for met in product(*(each.faces.at(x) for each, x in zip(self.faces, points, strict=True))):
+            first, second = (each.faces.at(x) for each, x in zip(self.faces, points, strict=True))
+            for met in product(first, second):
                 if met not in known:
                     known.add(met)
                     feature, rows = found.feature(own, 0), self._around(met, points, pose, along)
@@ -387,7 +388,7 @@ class TrueSizes:
         def feet(n: Array) -> list[Array]:
             """Return the point of each face, as drawn, that looks along a direction."""
             found = list[Array]()
-            for own, patch, x, turn in zip(self.faces, (one, two), points, turns, strict=True):
+            for patch, x, turn in zip((one, two), points, turns, strict=True):
                 origin, axis = patch.surface.origin, patch.surface.axis
                 up = 0.0 if shape[0] is None else (x - origin) @ axis
                 found.append(origin + up * axis + side * patch.surface.radius * (n @ turn))

@@ -237,15 +237,15 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
         return scaled
     values = np.array(list(lengths.values()))
     offsets = offsets_of_faces(body, tuple(lengths)) @ values
-    made = None
+    found = None
     if body.is_surface:
         with _at(body, tuple(lengths), values):
-            made = _with_faces_moved(scaled, _surface_resized(scaled, offsets), offsets)
+            found = _with_faces_moved(scaled, _surface_resized(scaled, offsets), offsets)
     else:
-        made = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
-    if made is None:
-        made = _with_faces_moved(scaled, _offset(_resizing(scaled, tuple(lengths), drawn=body), values), offsets)
-    return replace(made, drawn=body)
+        found = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
+    if found is None:
+        found = _with_faces_moved(scaled, _offset(_resizing(scaled, tuple(lengths), drawn=body), values), offsets)
+    return replace(found, drawn=body)
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:

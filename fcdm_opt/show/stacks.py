@@ -179,24 +179,27 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         print_text(told)
         print_text()
 
-    def by_direction(told: str) -> str:
-        own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == told])
-        ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
-        return ", ".join(f"{name} {signed(low, 3)} to {signed(high, 3)}" for name, low, high in ends if high > low)
-
-    alike, directions = Counter[tuple[str, str, str]](), Counter(row.told for row in stack.rows)
+    alike, counts = Counter[tuple[str, str, str]](), Counter(row.told for row in stack.rows)
     for row in stack.rows:
         moved = {name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie}
-        sizes = by_direction(row.told) if directions[row.told] > MANY else _sizes(moved)
+        sizes = _by_direction(stack, row.told) if counts[row.told] > MANY else _sizes(moved)
         drawn = row.gap if abs(row.gap) > noise else 0.0
         alike[row.told, signed(drawn), sizes or "no size moves it"] += 1
+    kinds = {contact: "directions" if count > MANY else "alike" for contact, count in counts.items()}
     print_rows([
         {
-            "contact": shortened(contact, LONGEST) + (f" ({count} {'directions' if directions[contact] > MANY else 'alike'})" if count > 1 else ""), "as drawn": gap,
-            "gap per unit of each size": wrapped(sizes, LONGEST),
+            "contact": shortened(contact, LONGEST) + (f" ({count} {kinds[contact]})" if count > 1 else ""),
+            "as drawn": gap, "gap per unit of each size": wrapped(sizes, LONGEST),
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def _by_direction(stack: StackUp, contact: str) -> str:
+    """Return from where to where rows of a contact change a unit of each size, as text."""
+    own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == contact])
+    ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
+    return ", ".join(f"{name} {signed(low, 3)} to {signed(high, 3)}" for name, low, high in ends if high > low)
 
 
 def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes
-from fcdm_opt.curve.true_sizes import AROUND, touching_true_faces, widened
+from fcdm_opt.curve.true_sizes import touching_true_faces, widened
 from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
@@ -217,11 +217,11 @@ class StackUp:
     @property
     def known_to(self) -> list[str]:
         """How near gaps are known in words, with the reason; nothing where they are exact."""
-        told = known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
+        found = known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
         if self.touching.between > self._rounding:
             off = measured(self.touching.between, self.unit, 2)
-            told.append(f"between worst cases gaps may be up to {off} smaller: rows are in {AROUND} directions all around")
-        return told
+            found.append(f"but at the worst cases gaps may be up to {off} smaller: of all directions some have rows")
+        return found
 
     def gap(self, p: Any) -> Any:
         """Return the gap at sizes: deviations by name (0 where none is given), or an array (..., k) in their order.
