@@ -301,7 +301,7 @@ class NominalContact:
             contact = self.nominal_contact
             found = getattr(contact, "configurations", None) or (getattr(contact, "configuration", ""),)
             what = 'goal "seat" keeps flush contacts flush, but the nominal contact shares no more than a point'
-            found = f'"seat" at a nominal contact {" and ".join(found)}'
+            found = f'"seat" at a nominal contact {" and ".join(filter(None, found)) or "of round faces"}'
             allowed = 'a nominal contact F-F, F-E or E-E parallel; "at" or "touch" at this one'
             raise InputError(what, key="goal", found=found, allowed=allowed)
 
