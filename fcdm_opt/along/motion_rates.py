@@ -269,6 +269,8 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
             place -= next(k for k, own in enumerate(task.obstacles) if own.keep_out == obstacle.keep_out)
         sites, rows, separations = task.separations((i, j), task.pose(q))
         widest = float(separations.max())
+        if widest > max(obstacle.need, 0.0) + slack:  # of pairs farther apart than others a lower bound was known
+            continue
         tight = np.flatnonzero(separations >= widest - slack).tolist()
         own_sites = [k for k in tight if is_own((task.movable, one), (other, obstacle.part), sites[k])]
         if not own_sites and (widest <= slack or obstacle.need <= 0.0):
@@ -280,7 +282,7 @@ def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
         if other is task.static and any(own.is_of(task, (i, j), sites[tight], normals) for own in meetings):
             continue
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
-        if swept or len(normals) > 1 or abs(widest - max(obstacle.need, 0.0)) > slack:
+        if swept or len(normals) > 1 or widest < max(obstacle.need, 0.0) - slack:
             yield None
             continue
         closing = closes and other is task.static

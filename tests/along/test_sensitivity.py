@@ -553,3 +553,18 @@ def test_derivatives_by_faces_are_of_faces_as_drawn_and_read_back_the_same() -> 
     again = Solution.from_dict(json.loads(json.dumps(solution.to_dict(sensitivity=True))))
     assert again.derivatives is not None
     assert fo.verify(again).passed
+
+
+def test_parts_of_a_stepped_shaft_far_from_its_housing_were_held_against_it():
+    """A journal of play c whose bore is off by (x, y) goes after it by hypot(x, y) - c: no more holds it than that."""
+    shaft = fo.joined(fo.Cylinder(10, 30), fo.Cylinder(6, 25, base=(0, 0, -25)), name="shaft")
+    bores = fo.Cylinder(10.05, 60), fo.Cylinder(6.02, 80, base=(0, 0, -70))
+    house = fo.cut(fo.Box((50, 50, 60), centre=(0, 0, -10)), *bores, name="house")
+    sizes = [fo.Size(own, "static", faces="bore radius 6.02", along=own, tolerance=0.03) for own in "xy"]
+    sizes += [fo.Size("journal", "movable", faces="cylinder radius 6", each=0.5, tolerance=0.02)]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    found = fo.solve(fo.Problem(shaft, house, sizes=sizes, made={"x": 0.03, "y": 0.024}, goal="clear", motion=motion))
+    away = np.hypot(0.03, 0.024)
+    assert found.amount == pytest.approx(away - 0.02, abs=1e-9)
+    by_hand = {"x": 0.03 / away, "y": 0.024 / away, "journal": 0.5}
+    assert found.sensitivity.sizes == pytest.approx(by_hand, abs=1e-6)
