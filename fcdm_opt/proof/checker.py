@@ -520,7 +520,7 @@ class Examiner:
         """Yield how deep a point of an edge of one part is inside the other, or one that moves with body 1."""
         for body, (i, j, here) in ((k, own) for k in (0, 1) for own in self._parts_meant(witness, k + 1)):
             obstacle = self.obstacles[j]
-            sides = (self.problem.movable.parts[i], self.movable[i]), (obstacle.part, obstacle.vertices)
+            sides = (self.problem.active[0].parts[i], self.movable[i]), (obstacle.part, obstacle.vertices)
             (edged, points), (part, corners) = sides[body], sides[1 - body]
             edge, known = _index(witness[here, 3], len(edged.edges))
             start, end = points[edged.edges[edge, 0]], points[edged.edges[edge, 1]]
