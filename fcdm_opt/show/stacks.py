@@ -141,7 +141,7 @@ def _place(face: dict[str, Any]) -> tuple[int, str]:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
-    noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
+    noise = noise_of(stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
@@ -159,7 +159,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ]
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([
-        {"": what, "gap": signed(gap) + " *" * past, "at": wrapped(at, LONGEST)}
+        {"": what, "gap": signed(gap, least=noise) + " *" * past, "at": wrapped(at, LONGEST)}
         for past, (what, gap, at) in zip(beyond, rows, strict=True)
     ], numbers=("gap",), notes=[BEYOND] * any(beyond))  # fmt: skip
     if share is not None:
@@ -180,8 +180,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     alike = Counter[tuple[str, str, str]]()
     for row in stack.rows:
         sizes = _sizes({name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie})
-        drawn = row.gap if abs(row.gap) > noise else 0.0
-        alike[row.told, signed(drawn), sizes or "no size moves it"] += 1
+        alike[row.told, signed(row.gap, least=noise), sizes or "no size moves it"] += 1
     print_rows([
         {
             "contact": shortened(contact, LONGEST) + (f" ({count} alike)" if count > 1 else ""), "as drawn": gap,
@@ -189,6 +188,11 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for (contact, gap, sizes), count in alike.items()
     ], numbers=("as drawn",))  # fmt: skip
+
+
+def noise_of(bodies: Sequence[Body]) -> float:
+    """Return up to which length one is but rounding: of floats, or to the digits of the files that bodies are from."""
+    return max(max(DEFAULT.tie * body.size, 2.0 * body.rounding) for body in bodies)
 
 
 def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:

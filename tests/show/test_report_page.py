@@ -59,6 +59,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "name": name,
         "asked": asked,
         "goal": "beyond",
+        "wanted": "beyond",
         "status": "PAIR_OVERLAPS",
         "outside": False,
         "extents": [[f"one {text}", "1 x 2 x 3", "1.02 x 2.04 x 3.06", "1.02"]],
@@ -90,6 +91,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "stack": {
             "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
             "spread": [0.0, 0.2],
+            "beyond": [False, True],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
             "notes": [f"not counted {text}"],
         },
@@ -126,9 +128,10 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
                 {"name": "second", "passed": False, "value": None, "limit": "inf", "note": ""},
             ],
         },
-        "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True},
+        "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True, "covers": f"yes {text}"},
         "sensitivities": {
             "text": f"derivatives {text}",
+            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
             "bars": [
                 {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
                 {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},

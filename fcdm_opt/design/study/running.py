@@ -237,7 +237,8 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
         if pacing.has_listeners():
-            yield lambda done, made: pacing.at("solving points", done, total)
+            with pacing.part_of("solving points"):
+                yield lambda done, made: pacing.at("", done, total)
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn

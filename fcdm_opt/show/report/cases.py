@@ -10,7 +10,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.evidence import Evidence
@@ -26,13 +26,15 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import bars
+from fcdm_opt.show.sensitivities import HALF, NAMED, OVERALL, TOLERANCES, bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import (
+    DIGITS,
     NOTHING,
     advised,
     asked_text,
     bound_text,
+    goal_text,
     listed,
     motion_text,
     outcome_text,
@@ -113,6 +115,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
+        "wanted": goal_text(problem),
         "off_drawn": sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
@@ -192,16 +195,20 @@ def _modelled(solution: Solution) -> list[dict[str, Any]]:
 
 
 def _evidence(solution: Solution) -> dict[str, Any] | None:
-    """Return what the proof is made of, and whether the judge passed it."""
+    """Return what the proof is made of, whether the judge passed it, and what that covers."""
     if solution.evidence is None:
         return None
     evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
     proof = [check.passed for check in checks if check.name.startswith(PROOF)]
     bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
-    beside = not solution.status.found and np.isfinite(bound)  # a closed form says more: that nothing does
-    checked = all(proof) if proof and not beside else None
-    return {"bound": finite(bound), "text": evidence.told, "checked": checked}
+    checked, covers = all(proof) if proof else None, "yes, by separate code"
+    if checked and not solution.status.found:
+        least = measured(floored(bound, DIGITS), solution.problem.amount_unit) if np.isfinite(bound) else ""
+        covers += f": no motion of up to {least} does" if least else ": no motion at all does"
+        if least and solution.status.name == "INFEASIBLE":
+            checked, covers = None, f"{covers}; that none at all does is shown by a closed form"
+    return {"bound": finite(bound), "text": evidence.told, "checked": checked, "covers": covers if proof else "no"}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -209,17 +216,24 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
         return None
     if solution.problem.partial:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
-        return {"bars": [], "text": text}
+        return {"bars": [], "text": text, "most": None}
     derivatives = solution.sensitivity
+    every = bars(derivatives, solution.problem)
+    known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
-        why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)
-        text = f"the values hold to one side only, or for one of several motions that are as small: {why}"
-    every = bars(derivatives, solution.problem)
-    none = [bar.name for bar in every if not np.isfinite(bar.value)]
+        text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
+        why = (reason.removeprefix("a tie: ") for reason in derivatives.reasons)
+        text = f"{text or 'no derivatives'}: {'; '.join(why)}"
+    elif not known:
+        text = "nothing nearby changes the amount"
     if none:
-        text += f"; no derivative by {listed(none) if len(none) <= MOST_TOLD else f'{len(none)} data'}"
-    return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
+        names = listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
+        text += f"; no derivative by {names}"
+    of_sizes = [bar for bar in known if bar.note in (NAMED, HALF)] or [bar for bar in known if bar.note in (OVERALL, TOLERANCES)]
+    most = max(of_sizes, key=lambda bar: abs(bar.value), default=None)
+    told = [finite(bar._asdict()) for bar in known]
+    return {"bars": told, "text": text, "most": told[known.index(most)] if most and most.value else None}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

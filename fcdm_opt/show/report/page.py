@@ -82,7 +82,7 @@ def page(payload: Data) -> str:
         inputs=_inputs(files),
         versions=payload["made"].items(),
         made_at=payload["made"]["date"],
-        tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
+        tolerances=[(name, f"{value:g}", meaning) for name, value, meaning in payload["tolerances"]],
     )
 
 
