@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, Round, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import hold
-from fcdm_opt.geometry.units import measured, signed
+from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -392,10 +392,11 @@ def direction(normal: Array) -> str:
     rest = np.delete(normal, k)
     if np.abs(rest).max() <= DEFAULT.nominal:
         return f"{'-' if normal[k] < 0 else '+'}{'xyz'[k]}"
-    return "(" + ", ".join(f"{x:.4g}" for x in normal + 0.0) + ")"
+    return f"({', '.join(number_text(x, 4) for x in normal.tolist())})"
 
 
 def direction_level(normal: Array, point: Array) -> str:
     """Return where a face lies: "x = 2" for one across an axis, else its normal and its height along it."""
     word, k = direction(normal), int(np.abs(normal).argmax())
-    return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
+    place, level = number_text(float(point[k])), number_text(float(normal @ point))
+    return f"{word[1]} = {place}" if len(word) == 2 else f"{word} . X = {level}"

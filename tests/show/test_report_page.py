@@ -324,6 +324,40 @@ def test_a_stack_up_that_the_judge_refused_is_headed_by_that():
     assert words.index("NOT VERIFIED") < words.index("Worst case")
 
 
+def test_a_verdict_of_several_sentences_ran_on():
+    data = payload()
+    data["cases"][0]["verdict"] = "move one 1 mm along +x; move two 2 mm along -x: then both touch; proved"
+    big = page(data).split('<p class="big">')[1].split("</p>")[0]
+    lines = [re.sub("<[^>]*>", "", text).strip() for text in big.split("</span>\n")]
+    assert lines == ["Move one 1 mm along +x", "Move two 2 mm along -x:", "then both touch", "proved", ""]
+    data["files"][1]["error"] = "case 'A': wrong\ncase 'B': wrong too"
+    assert "<li><b>b.toml</b>: case &#39;A&#39;: wrong</li><li><b>b.toml</b>: case &#39;B&#39;: wrong too</li>" in page(data)
+
+
+def test_one_sensitivity_is_a_sentence_and_no_chart():
+    data = payload()
+    for own in data["cases"]:
+        own["sensitivities"]["bars"][1]["value"] = 0.0
+    words = visible(read(page(data)))
+    assert words.count("Only the size plain: +0.5 for +1 % (of plain).") == 2
+    assert "left of the middle less" not in words
+
+
+def test_the_stack_up_stands_with_the_answer_and_marks_what_is_beyond_the_worst_case(plain):
+    sheet = plain.split("<article")[1]
+    assert "What each size contributes to the gap" in sheet
+    assert "Root sum square" in sheet
+    assert "+0 to +0.2\u00a0*" in sheet
+    assert plain.count("What each size contributes to the gap</caption>") == 2  # once a case
+
+
+def test_what_was_checked_of_what_is_impossible_is_said():
+    data = payload()
+    covers = "yes, by separate code: no motion at all does"
+    data["cases"][0] |= {"amount": None, "status": "INFEASIBLE", "evidence": {"bound": None, "text": "", "checked": True, "covers": covers}}
+    assert covers in visible(read(page(data)))
+
+
 def test_a_case_without_motion_says_so():
     none = payload()
     none["cases"] = [{**case("stuck"), "amount": None, "motion": "-", "status": "INFEASIBLE", "certificate": None}]

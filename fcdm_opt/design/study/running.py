@@ -33,6 +33,8 @@ SETTLED = 1.0
 
 REFRESH = 4  # times a second that a bar is drawn
 
+SOLVING = "solving points"  # what a study is said to be at
+
 Say = Callable[[str], None]
 
 Answers = Callable[[Iterable[Asked]], Generator[Row]]
@@ -237,7 +239,7 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
         if pacing.has_listeners():
-            with pacing.part_of("solving points"):
+            with pacing.part_of(SOLVING):
                 yield lambda done, made: pacing.at("", done, total)
             return
         from rich.console import Console
@@ -257,11 +259,13 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     def tell(done: int, made: int) -> None:
         nonlocal last, known
         known = done, made
+        pacing.at("", done, total)
         if monotonic() - last >= PAUSE:
             last = monotonic()
             say(pace(total, *known, last - start))
 
     try:
-        yield tell
+        with pacing.part_of(SOLVING):
+            yield tell
     finally:
         say(pace(total, *known, monotonic() - start))
