@@ -29,8 +29,8 @@ NEGLIGIBLE = 1e-9
 SHIFTED, MOVED = "planes of faces, shifted outwards", "corners and seeds, moved in the direction that costs most"
 """What is done to data of the bodies' shape."""
 
-NAMED, HALF = "sizes by name", "sizes by name, each by half its tolerance"
-OVERALL, TOLERANCES = "overall sizes as made, all else as it is", "tolerances, shares of the size"
+BY_NAME = NAMED, HALF = "sizes by name", "sizes by name, each by half its tolerance"
+WHOLE = OVERALL, TOLERANCES = "overall sizes as made, all else as it is", "tolerances, shares of the size"
 """What is done to sizes: those by name that have a tolerance have a step of their own each."""
 
 MOST, LEAST = 16, 4
@@ -186,7 +186,8 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
             unit = measured(f"+{step:.4g}", problem.unit) if own.is_length else f"+{step:.3%}".replace("%", " %")
         yield Bar(f"{own.name} of {names[own.body == 'static']}", step * derivatives.sizes[own.name], unit, note)
     for name, weight in problem.motion.by_name(problem.weights).items():
-        yield Bar(f"weight of the {told[name]}", STEP * weight * derivatives.weights[name], percent, "weights in the amount")
+        change = STEP * weight * derivatives.weights[name]
+        yield Bar(f"weight of the {told[name]}", change, percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
         yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():

@@ -191,8 +191,8 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
 
 
 def noise_of(bodies: Sequence[Body]) -> float:
-    """Return up to which length one is but rounding: of floats, or to the digits of the files that bodies are from."""
-    return max(max(DEFAULT.tie * body.size, 2.0 * body.rounding) for body in bodies)
+    """Return up to which length one is but rounding: of floats, or of files in single precision."""
+    return max(max(DEFAULT.tie * own.size, min(2.0 * own.rounding, DEFAULT.drawn * own.size)) for own in bodies)
 
 
 def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
@@ -289,9 +289,9 @@ def write_stack(stack: StackUp, path: Path) -> None:
         table = csv.writer(stream)
         table.writerow(["row", "gap as drawn", *stack.names])
         table.writerows([row.contact, row.gap, *row.coefficients.values()] for row in stack.rows)
-        for what in ("half", "worst", "variance"):
-            words = {"half": "half tolerance", "worst": "share of worst case", "variance": "share of variance"}
-            table.writerow([words[what], "", *(getattr(by_name[name], what) for name in stack.names)])
+        words = {"half": "half tolerance", "worst": "share of worst case", "variance": "share of variance"}
+        for what, word in words.items():
+            table.writerow([word, "", *(getattr(by_name[name], what) for name in stack.names)])
 
 
 @styled

@@ -284,7 +284,7 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     asked = fo.Problem(peg, plate, target=(1, 1), motion=fo.Translation("x"), keep_out=stops, unit="mm", **given)
     words = "in the way: keep-out stop, without which there is a motion"
     told = verdict_text(fo.solve(asked))
-    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in: without one, ")
+    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in: ")
     assert told.endswith(words)
     joined = {"parts": ("peg", "plate"), **given}
     both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)

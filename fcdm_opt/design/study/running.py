@@ -33,8 +33,6 @@ SETTLED = 1.0
 
 REFRESH = 4  # times a second that a bar is drawn
 
-SOLVING = "solving points"  # what a study is said to be at
-
 Say = Callable[[str], None]
 
 Answers = Callable[[Iterable[Asked]], Generator[Row]]
@@ -84,6 +82,7 @@ def run_study(
     study = study if isinstance(study, Study) else Study.read(study)
     with (
         Store(Path(out), study.key, __version__, study.to_dict()) as store,
+        pacing.part_of("solving points"),
         shown(len(study), progress=progress, say=say) as tell,
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
@@ -239,8 +238,7 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
         if pacing.has_listeners():
-            with pacing.part_of(SOLVING):
-                yield lambda done, made: pacing.at("", done, total)
+            yield lambda done, made: pacing.at("", done, total)
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -265,7 +263,6 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
             say(pace(total, *known, last - start))
 
     try:
-        with pacing.part_of(SOLVING):
-            yield tell
+        yield tell
     finally:
         say(pace(total, *known, monotonic() - start))

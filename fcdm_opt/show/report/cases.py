@@ -1,4 +1,4 @@
-"""What a report says of one case: question, answer, proof, what was modelled and left out, and the frames to show."""
+"""What a report says of one case: question, answer, proof, what was left out, and the frames to show."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored, measured
@@ -26,7 +25,7 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import HALF, NAMED, OVERALL, TOLERANCES, bars
+from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import (
     DIGITS,
@@ -39,6 +38,7 @@ from fcdm_opt.show.texts import (
     motion_text,
     outcome_text,
     parameter_texts,
+    seen_amount,
     shown,
     sizes_text,
     telling,
@@ -53,8 +53,6 @@ ANSWERED = (
     "doubt", "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
-PROOF = "proof"
-"""How the names of a certificate's checks of a proof begin."""
 
 
 def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float) -> dict[str, Any]:
@@ -66,7 +64,6 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     solution = case.solution
     grounds = {
         "bodies": _bodies(solution.problem),
-        "modelled": _modelled(solution),
         "left_out": left_out(solution),
         "certificate": finite(solution.certificate),
         "evidence": _evidence(solution),
@@ -92,7 +89,7 @@ def answered(solution: Solution) -> dict[str, Any]:
     return {
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
-        "motion": motion_text(solution),
+        "motion": motion_text(solution) if seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
         "outcome": "does not fit" if misfit(solution.problem) else outcome_text(solution),
         "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
@@ -132,7 +129,6 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
             {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
-        "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
 
@@ -147,20 +143,6 @@ def _extents(problem: Problem, solution: Solution) -> list[list[str]]:
         alike = set(factors.split(" x "))
         told.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
     return told
-
-
-def _configurations(solution: Solution) -> list[str]:
-    """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
-    problem = solution.problem
-    contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None:
-        curve = problem.curve_after(solution.transform, solution.rho)
-        if problem.partial:
-            return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
-        contact = curve.locate(solution.rho)
-    if contact is None:
-        return []
-    return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
@@ -183,24 +165,13 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
     ]
 
 
-def _modelled(solution: Solution) -> list[dict[str, Any]]:
-    counts = solution.modelled
-    rows = [
-        {"what": what, "kept": counts[f"{key}_kept"], "total": counts[f"{key}_total"]}
-        for key, what in (("part_pairs", "part pairs"), ("features", "pairs of elements"), ("keep_outs", "keep-outs"))
-        if f"{key}_kept" in counts
-    ]
-    own = (key for key in ("variables", "constraints") if key in counts)  # none of linear equations of true faces
-    return rows + [{"what": key, "kept": counts[key], "total": None} for key in own]
-
-
 def _evidence(solution: Solution) -> dict[str, Any] | None:
     """Return what the proof is made of, whether the judge passed it, and what that covers."""
     if solution.evidence is None:
         return None
     evidence = solution.evidence
     checks = [] if solution.certificate is None else solution.certificate.checks
-    proof = [check.passed for check in checks if check.name.startswith(PROOF)]
+    proof = [check.passed for check in checks if check.name.startswith("proof")]
     bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
     checked, covers = all(proof) if proof else None, "yes, by separate code"
     if checked and not solution.status.found:
@@ -220,6 +191,8 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     derivatives = solution.sensitivity
     every = bars(derivatives, solution.problem)
     known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
+    sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
+    most = max(sizes, key=lambda bar: abs(bar.value), default=None)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
@@ -230,10 +203,8 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if none:
         names = listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
         text += f"; no derivative by {names}"
-    of_sizes = [bar for bar in known if bar.note in (NAMED, HALF)] or [bar for bar in known if bar.note in (OVERALL, TOLERANCES)]
-    most = max(of_sizes, key=lambda bar: abs(bar.value), default=None)
-    told = [finite(bar._asdict()) for bar in known]
-    return {"bars": told, "text": text, "most": told[known.index(most)] if most and most.value else None}
+    told = finite(most._asdict()) if most and most.value else None
+    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": told}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

@@ -36,7 +36,6 @@ PROOFS, PROOF = 4.0, 1.5
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
-
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
 """What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
 

@@ -66,11 +66,8 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         with pacing.looking(STACKED):
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
-            noise = noise_of(found.touching.bodies)
-            gaps, ends = (
-                [0.0 if abs(x) <= noise else x for x in own]
-                for own in ((worst.least, worst.largest), (spread.low, spread.high))
-            )
+            noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
+            gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
             beyond = [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]
             shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
             notes += filter(None, [another_decides(spread), BEYOND * any(beyond)])
