@@ -169,13 +169,13 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         for body, row in zip(names, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
                 yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", TOLERANCES)
-    told = {name: _in_words(name, kind) for name, kind in problem.motion.parameters}
+    labels = {name: _in_words(name, kind) for name, kind in problem.motion.parameters}
     for (name, kind), (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         rotates = kind != "translation"
         step, unit = (math.radians(turn), f"+{turn:g} deg") if rotates else (shift, length)
         for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
-                yield Bar(f"{side} limit of the {told[name]}", step * value, unit, "limits of the motion, raised")
+                yield Bar(f"{side} limit of the {labels[name]}", step * value, unit, "limits of the motion, raised")
     yield Bar("clearance", shift * derivatives.clearance, length, "clearances asked for")
     for name, value in derivatives.keep_out.items():
         yield Bar(f"clearance from {name}", shift * value, length, "clearances asked for")
@@ -187,7 +187,7 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         yield Bar(f"{own.name} of {names[own.body == 'static']}", step * derivatives.sizes[own.name], unit, note)
     for name, weight in problem.motion.by_name(problem.weights).items():
         change = STEP * weight * derivatives.weights[name]
-        yield Bar(f"weight of the {told[name]}", change, percent, "weights in the amount")
+        yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
         yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():

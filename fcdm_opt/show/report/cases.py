@@ -192,7 +192,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     every = bars(derivatives, solution.problem)
     known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
     sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
-    most = max(sizes, key=lambda bar: abs(bar.value), default=None)
+    most = max((bar for bar in sizes if bar.value), key=lambda bar: abs(bar.value), default=None)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
@@ -203,8 +203,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if none:
         names = listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
         text += f"; no derivative by {names}"
-    told = finite(most._asdict()) if most and most.value else None
-    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": told}
+    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most and finite(most._asdict())}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

@@ -96,11 +96,6 @@ function slide() {
   show();
 }
 
-function choosePose(pose) {
-  Object.assign(state, { pose, family: null });
-  show();
-}
-
 function show() {
   for (const input of all("input[name=pose]")) input.checked = !state.family && input.value === state.pose;
   showNumbers();
@@ -164,7 +159,7 @@ function requestDrawing() {
 function listen() {
   element("choose").addEventListener("change", event => chooseCase(Number(event.target.value)));
   element("slider")?.addEventListener("input", slide);
-  for (const input of all("input[name=pose]")) input.addEventListener("change", () => choosePose(input.value));
+  for (const input of all("input[name=pose]")) input.addEventListener("change", () => (Object.assign(state, { pose: input.value, family: null }), show()));
   for (const input of all("input[name=family]")) input.addEventListener("change", () => (prepareSlider(input.value), slide()));
   for (const button of all("[data-turn]")) button.addEventListener("click", () => move(button.dataset.turn));
   for (const button of all("[data-zoom]")) button.addEventListener("click", () => press("zoom", button.dataset.zoom));
