@@ -254,7 +254,7 @@ def test_hostile_names_stay_text(plain):
     assert [tag for tag, _ in hostile.elements] == [tag for tag, _ in harmless.elements]
     assert [sorted(a) for _, a in hostile.elements] == [sorted(a) for _, a in harmless.elements]
     words = visible(hostile)
-    for text in ("advice", "left out", "note", "evidence", "derivatives", "meaning", "wrong", "Title", "published"):
+    for text in ("advice", "left out", "note", "evidence", "Derivatives", "meaning", "wrong", "Title", "published"):
         assert f"{text} {HOSTILE}" in words
 
 
