@@ -169,9 +169,8 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     """Return what the proof is made of, whether the judge passed it, and what that covers."""
     if solution.evidence is None:
         return None
-    evidence = solution.evidence
-    checks = [] if solution.certificate is None else solution.certificate.checks
-    proof = [check.passed for check in checks if check.name.startswith("proof")]
+    evidence, certificate = solution.evidence, solution.certificate
+    proof = [own.passed for own in (certificate.checks if certificate else ()) if own.name.startswith("proof")]
     bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
     checked, covers = all(proof) if proof else None, "yes, by separate code"
     if checked and not solution.status.found:
