@@ -145,6 +145,7 @@ def study_command(
         result = run_study(
             file, out, engine=cast("Engine", engine), jobs=jobs, scheduler=scheduler, progress=True, say=say
         )
+    pacing.at("drawing")
     if not as_json:
         console().print(f"{result}\n")
     result.to_csv(out / "study.csv")

@@ -92,7 +92,7 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
             except InputError as reason:
                 errors.append(refuse(reason.within(file=file.path, key=f"case {assembly.name!r}")))
                 codes.append(BAD_INPUT)
-        heads.append({**head(file), "cases": range(first, len(solutions)), "error": "; ".join(errors)})
+        heads.append({**head(file), "cases": range(first, len(solutions)), "error": "\n".join(errors)})
     codes += [code_of(own.usable, own.status.name) for own in solutions]
     return assembly_page(heads, solutions) if solutions else "", codes
 

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, numbers
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, Round, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import hold
-from fcdm_opt.geometry.units import measured, signed
+from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
@@ -161,7 +161,8 @@ class Size(Plain):
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
 
         nan where nothing that can be measured on the part grows by as much as the size: where a slot moves as a whole,
-        or a single face, unless there is just one plane across from it, or else beside it as of a step.
+        or a single face without just one plane opposite to it, or beside it as of a step. Of the end of a tongue, a pin
+        or a pocket it is how far that stands out of the plane that it stands on, not the part's own length.
         """
         if self.scale is not None:
             extents = np.ptp(body.vertices @ self.directions(), axis=0)
@@ -177,12 +178,13 @@ class Size(Plain):
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
         if len(own) and not len(also):
             across = _opposite(body, own, across, levels, float(moved[own[0]]))
-        for others in (also,) if len(also) else (np.setdiff1d(ahead, rows), across):  # these stay: a step, or a width
+        for others in (also,) if len(also) else (across, np.setdiff1d(ahead, rows)):  # these stay: a width, or a step
             one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
             if one_plane and len(own) + len(also) == len(rows):
                 width = levels[own[0]] - levels[others[0]]
-                rate = np.sign(width) * (moved[own[0]] + moved[others[0]])
-                grown[float(rate)] = abs(float(width))
+                rate, length = float(np.sign(width) * (moved[own[0]] + moved[others[0]])), abs(float(width))
+                if rate not in grown or (length < grown[rate] and _surrounded(body, own, others)):
+                    grown[rate] = length
         return next((length for rate, length in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 
     def position(self, body: Body) -> float:
@@ -346,8 +348,7 @@ class Size(Plain):
 
 def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) -> Ints:
     """Return which of the faces that look the other way faces are opposite to, through room or through material."""
-    # those nearest along the normal on the side from which the faces move away, of those they overlap in projection;
-    # all where there are none
+    # those nearest along the normal on the side from which the faces move away, of those they overlap in projection
     sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
     (mine, theirs) = (
         [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows.tolist()] for rows in (own, across)
@@ -356,7 +357,15 @@ def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) 
     over = [bool(((x.max(axis=0) > lows) & (x.min(axis=0) < highs)).all()) for x in theirs]
     off = -np.sign(moved) * (levels[across] - levels[own[0]])
     known = np.array(over, bool) & (off > DEFAULT.nominal * body.size)
-    return across[known & (off <= off[known].min() + DEFAULT.nominal * body.size)] if known.any() else across
+    return across[known & (off <= off[known].min(initial=np.inf) + DEFAULT.nominal * body.size)]
+
+
+def _surrounded(body: Body, own: Ints, others: Ints) -> bool:
+    """Tell whether faces that look the same way lie all round some, seen along the normal: those end a feature."""
+    sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
+    mine, theirs = (body.vertices[np.concatenate([body.faces[k] for k in rows]) - 1] @ sides for rows in (own, others))
+    angles = np.sort(np.arctan2(*(theirs - mine.mean(axis=0)).T))
+    return bool(np.diff(angles, append=angles[0] + 2.0 * np.pi).max() < np.pi - DEFAULT.nominal)
 
 
 @lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
@@ -383,10 +392,11 @@ def direction(normal: Array) -> str:
     rest = np.delete(normal, k)
     if np.abs(rest).max() <= DEFAULT.nominal:
         return f"{'-' if normal[k] < 0 else '+'}{'xyz'[k]}"
-    return "(" + ", ".join(f"{x:.4g}" for x in normal + 0.0) + ")"
+    return f"({', '.join(number_text(x, 4) for x in normal.tolist())})"
 
 
 def direction_level(normal: Array, point: Array) -> str:
     """Return where a face lies: "x = 2" for one across an axis, else its normal and its height along it."""
     word, k = direction(normal), int(np.abs(normal).argmax())
-    return f"{word[1]} = {point[k]:.6g}" if len(word) == 2 else f"{word} . X = {normal @ point:.6g}"
+    place, level = number_text(float(point[k])), number_text(float(normal @ point))
+    return f"{word[1]} = {place}" if len(word) == 2 else f"{word} . X = {level}"

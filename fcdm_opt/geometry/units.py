@@ -48,9 +48,9 @@ def number_text(value: float, digits: int = 6, least: float = NOISE) -> str:
     return f"{0.0 if abs(value) <= least else value:.{digits}g}"
 
 
-def signed(value: float, digits: int = 4) -> str:
+def signed(value: float, digits: int = 4, least: float = NOISE) -> str:
     """Return a number with its sign in words, as `number_text` does."""
-    return f"{0.0 if abs(value) <= NOISE else value:+.{digits}g}"
+    return f"{0.0 if abs(value) <= least else value:+.{digits}g}"
 
 
 def measured(length: str | float, unit: str, digits: int = 6) -> str:

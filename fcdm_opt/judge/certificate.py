@@ -26,6 +26,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors
 from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
+from fcdm_opt.geometry.units import number_text
 from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.true_faces import gap_of_true_faces
@@ -802,13 +803,14 @@ class _Judge:
         state = self._state(gap)
         claimed = solution.pair_gap
         wrong = abs(claimed - gap)
+        note = f"claimed {number_text(claimed)}, distance or minus depth {number_text(gap)}"
         if gap > 0 and claimed < gap and self._state(claimed) == state:  # a separation, no more than the distance
             wrong = max(0.0, self.scaled.separation_by_faces(problem.target, self.transform, claimed) - claimed)
         checks = [
             self._sizes_asked(),
             _at_most("target pair", off, self.tolerances.requirement, "relative distance from the problem's target"),
             Check("pair state", solution.pair_state == state, gap, self.limit, f"is {state}"),
-            _at_most("pair gap", wrong, self.limit, f"claimed {claimed:.6g}, distance or minus depth {gap:.6g}"),
+            _at_most("pair gap", wrong, self.limit, note),
             self._status(state),
         ]
         if self.outside is not None:

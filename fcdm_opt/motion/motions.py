@@ -19,7 +19,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Flags, frozen
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.plain import plain
 
 if TYPE_CHECKING:
@@ -903,8 +903,8 @@ def _way(direction: Sequence[float], sign: float) -> str:
     for name, axis in AXES.items():
         if way == list(axis):
             return name if name[0] == "-" else f"+{name}"
-    return f"({', '.join(f'{x:.4g}' for x in way)})"
+    return f"({', '.join(number_text(x, 4) for x in way)})"
 
 
 def _place(point: Sequence[float]) -> str:
-    return f"({', '.join(f'{x:.4g}' for x in point)})" if any(point) else "the origin"
+    return f"({', '.join(number_text(x, 4) for x in point)})" if any(point) else "the origin"

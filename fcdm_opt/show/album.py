@@ -29,7 +29,7 @@ from fcdm_opt.show.scene import (
     view_of,
 )
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import sensitivities_figure
+from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
 
@@ -87,7 +87,7 @@ class Album:
         )
         scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", scene)
-        if found and solution.amount > 0.0:
+        if found and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
     def add(self, stem: str, figure: Figure, *, ending: str = "") -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
-from fcdm_opt.show.texts import NONE, numbers, shown, status_text
+from fcdm_opt.show.texts import NONE, numbers, shown
 
 LONGEST = 160
 """Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
@@ -72,7 +72,6 @@ def environment() -> Any:
         "paragraphs": paragraphs,
         "shown": shown,
         "unbroken": unbroken,
-        "words": status_text,
     }
     made.globals["glossary"] = EXPLAINED
     return made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -28,8 +29,9 @@ NEGLIGIBLE = 1e-9
 SHIFTED, MOVED = "planes of faces, shifted outwards", "corners and seeds, moved in the direction that costs most"
 """What is done to data of the bodies' shape."""
 
-HALF = "sizes by name, each by half its tolerance"
-"""What is done to sizes that have a tolerance: each has a step of its own."""
+BY_NAME = NAMED, HALF = "sizes by name", "sizes by name, each by half its tolerance"
+WHOLE = OVERALL, TOLERANCES = "overall sizes as made, all else as it is", "tolerances, shares of the size"
+"""What is done to sizes: those by name that have a tolerance have a step of their own each."""
 
 MOST, LEAST = 16, 4
 """Bars of a picture; at least so many of them of the bodies' shape."""
@@ -150,8 +152,8 @@ def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
     largest = max((abs(bar.value) for bar in every if math.isfinite(bar.value)), default=0.0)
     if largest == 0.0:
         return []
-    least = NEGLIGIBLE * largest
-    return [bar for k, bar in enumerate(every) if k < 2 or not abs(bar.value) <= least]
+    every = [bar._replace(value=0.0) if abs(bar.value) <= NEGLIGIBLE * largest else bar for bar in every]
+    return [bar for k, bar in enumerate(every) if k < 2 or bar.value]
 
 
 def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
@@ -159,31 +161,33 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     length, percent = measured(f"+{shift:.3g}", problem.unit), f"+{STEP:.0%}".replace("%", " %")
     names = [name_of(problem, k) for k in (0, 1)]
     for body, value, size in zip(names, derivatives.target.tolist(), problem.target.tolist(), strict=True):
-        yield Bar(f"overall size of {body}", STEP * size * value, percent, "overall sizes as made, all else as it is")
+        yield Bar(f"overall size of {body}", STEP * size * value, percent, OVERALL)
     if derivatives.nominal.any():
         for body, value, size in zip(names, derivatives.nominal.tolist(), problem.nominal_pair.tolist(), strict=True):
             yield Bar(f"nominal size of {body}", STEP * size * value, percent, "nominal and made sizes alike")
     if derivatives.tolerance is not None:
         for body, row in zip(names, derivatives.tolerance.tolist(), strict=True):
             for sign, value in zip("-+", row, strict=True):
-                yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", "tolerances, shares of the size")
+                yield Bar(f"tolerance {sign} of {body}", STEP * value, f"+{STEP:g}", TOLERANCES)
+    labels = {name: _in_words(name, kind) for name, kind in problem.motion.parameters}
     for (name, kind), (low, high) in zip(problem.motion.parameters, problem.limits.tolist(), strict=True):
         rotates = kind != "translation"
         step, unit = (math.radians(turn), f"+{turn:g} deg") if rotates else (shift, length)
         for side, value in zip(("lower", "upper"), derivatives.limits[name], strict=True):
             if side == "lower" or low != high:  # equal limits are one datum
-                yield Bar(f"{side} limit of {name}", step * value, unit, "limits of the motion, raised")
+                yield Bar(f"{side} limit of the {labels[name]}", step * value, unit, "limits of the motion, raised")
     yield Bar("clearance", shift * derivatives.clearance, length, "clearances asked for")
     for name, value in derivatives.keep_out.items():
         yield Bar(f"clearance from {name}", shift * value, length, "clearances asked for")
     for own in problem.sizes:
-        step, unit, note = (shift, length, "sizes by name") if own.is_length else (STEP, percent, "sizes by name")
+        step, unit, note = (shift, length, NAMED) if own.is_length else (STEP, percent, NAMED)
         if own.tolerance is not None and own.half > 0.0:
             step, note = own.half, HALF
             unit = measured(f"+{step:.4g}", problem.unit) if own.is_length else f"+{step:.3%}".replace("%", " %")
         yield Bar(f"{own.name} of {names[own.body == 'static']}", step * derivatives.sizes[own.name], unit, note)
     for name, weight in problem.motion.by_name(problem.weights).items():
-        yield Bar(f"weight of {name}", STEP * weight * derivatives.weights[name], percent, "weights in the amount")
+        change = STEP * weight * derivatives.weights[name]
+        yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
         yield Bar(_told(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():
@@ -191,6 +195,13 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
             yield Bar(_told(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
         yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
+
+
+def _in_words(name: str, kind: str) -> str:
+    """Return a parameter of a motion in words: "shift along x" for TX, "turn about z no. 2" for RZ_2."""
+    known = re.fullmatch(r"[TR](-?[XYZ])(?:_(\d+))?", name)
+    does, line = ("shift", "along") if kind == "translation" else ("turn", "about")
+    return f"{does} {line} {known[1].lower()}{f' no. {known[2]}' * bool(known[2])}" if known else f"{does} {name}"
 
 
 def _largest(values: Mapping[str, float]) -> list[tuple[str, float]]:

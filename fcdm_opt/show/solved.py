@@ -59,7 +59,8 @@ def solved_case(
     solution: Any = solve(problem, certify=certify, effort=effort, seconds=seconds, time=math.inf)
     shown = solution.status.found or (isinstance(problem, Problem) and solution.status is Status.INFEASIBLE)
     unproved = without_evidence(solution) if certify and shown else ""
-    if certify and solution.status.found and solution.amount > 0.0 and not unproved and not pacing.over():
+    shown = shown or (isinstance(solution, Solution) and solution.evidence is not None)
+    if certify and shown and solution.amount != 0.0 and not unproved and not pacing.over():
         pacing.at(f"checking the proof for {problem.name}")
         start = perf_counter()
         with suppress(pacing.TimeOverError), pacing.judging():

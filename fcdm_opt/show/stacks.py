@@ -142,7 +142,7 @@ def _place(face: dict[str, Any]) -> tuple[int, str]:
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
-    noise = DEFAULT.tie * max(body.size for body in stack.touching.bodies)
+    noise = noise_of(stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
@@ -160,7 +160,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     ]
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([
-        {"": what, "gap": signed(gap) + " *" * past, "at": wrapped(at, LONGEST)}
+        {"": what, "gap": signed(gap, least=noise) + " *" * past, "at": wrapped(at, LONGEST)}
         for past, (what, gap, at) in zip(beyond, rows, strict=True)
     ], numbers=("gap",), notes=[BEYOND] * any(beyond))  # fmt: skip
     if share is not None:
@@ -178,13 +178,11 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     for told in stack_notes(stack):
         print_text(told)
         print_text()
-
     alike, counts = Counter[tuple[str, str, str]](), Counter(row.told for row in stack.rows)
     for row in stack.rows:
         moved = {name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie}
         sizes = _by_direction(stack, row.told) if counts[row.told] > MANY else _sizes(moved)
-        drawn = row.gap if abs(row.gap) > noise else 0.0
-        alike[row.told, signed(drawn), sizes or "no size moves it"] += 1
+        alike[row.told, signed(row.gap, least=noise), sizes or "no size moves it"] += 1
     kinds = {contact: "directions" if count > MANY else "alike" for contact, count in counts.items()}
     print_rows([
         {
@@ -200,6 +198,11 @@ def _by_direction(stack: StackUp, contact: str) -> str:
     own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == contact])
     ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
     return ", ".join(f"{name} {signed(low, 3)} to {signed(high, 3)}" for name, low, high in ends if high > low)
+
+
+def noise_of(bodies: Sequence[Body]) -> float:
+    """Return up to which length one is but rounding: of floats, or of files in single precision."""
+    return max(max(DEFAULT.tie * own.size, min(2.0 * own.rounding, DEFAULT.drawn * own.size)) for own in bodies)
 
 
 def _deciding_sizes(stack: StackUp, values: Mapping[str, float]) -> dict[str, float]:
@@ -296,9 +299,9 @@ def write_stack(stack: StackUp, path: Path) -> None:
         table = csv.writer(stream)
         table.writerow(["row", "gap as drawn", *stack.names])
         table.writerows([row.contact, row.gap, *row.coefficients.values()] for row in stack.rows)
-        for what in ("half", "worst", "variance"):
-            words = {"half": "half tolerance", "worst": "share of worst case", "variance": "share of variance"}
-            table.writerow([words[what], "", *(getattr(by_name[name], what) for name in stack.names)])
+        words = {"half": "half tolerance", "worst": "share of worst case", "variance": "share of variance"}
+        for what, word in words.items():
+            table.writerow([word, "", *(getattr(by_name[name], what) for name in stack.names)])
 
 
 @styled

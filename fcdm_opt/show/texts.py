@@ -77,7 +77,7 @@ def shown(value: Any, digits: int = DIGITS) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value + 0.0:.{digits}g}"
+        return number_text(value, digits) if math.isfinite(value) else f"{value:g}"
     if isinstance(value, list | tuple):
         return ", ".join(shown(item, max(digits, PLACES)) for item in value) or NONE
     return str(value)

@@ -120,7 +120,7 @@ def _without_clearance(problem: Problem, barred: str) -> str:
     if bare is None:
         return ""
     contact = contact_text(bare.problem, bare.features, bare.transform)
-    closed = f", where {contact}" if contact and bare.pair_state == "touching" else ""
+    closed = f": without one, {contact}" if contact and bare.pair_state == "touching" else ""
     asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
     return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {barred}" * bool(barred)
 

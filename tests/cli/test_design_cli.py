@@ -14,6 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
+from fcdm_opt import pacing
 from fcdm_opt.cli import app
 from fcdm_opt.problem.solution import Certificate
 from fcdm_opt.show import stacks
@@ -55,6 +56,11 @@ def test_a_study_writes_store_table_and_picture_and_is_not_run_twice(study: Path
     assert len(rows) == 4
     assert float(rows[0]["amount"]) == pytest.approx(5 * 0.005, rel=1e-9)  # of the problem file: 5 (rho_2 - 1)
     stamp = (out / "study.sqlite").stat().st_mtime_ns
+    told: list[str] = []
+    with pacing.listening(lambda text, *_: told.append(text)):
+        assert run("study", study, "--out", tmp_path / "again", "--jobs", 1)[0] == 0
+    assert "solving points: judging the motion found" in told  # it was said to be at one point's stage alone
+    assert told[-1] == "drawing"
     assert run("study", study, "--out", out, "--jobs", 1)[0] == 0
     assert (out / "study.sqlite").stat().st_mtime_ns == stamp
 

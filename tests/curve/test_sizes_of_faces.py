@@ -681,6 +681,24 @@ def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> 
     assert fo.Size("wall", "static", faces=wall, each=1).drawn(tray) == pytest.approx(1.0)
 
 
+def test_a_tongue_measured_as_much_as_the_part_that_it_stands_on() -> None:
+    """6 high and wide, on a block of 10: not 16, to the far side of the block; and along other axes alike."""
+    ends = (-8, 8, 0, 20, 0, 10), (-3, 3, 0, 20, -6, 0)
+    block, tongue = ([*product(own[:2], own[2:4], own[4:])] for own in ends)
+    places = (0, 10, -6), (3, 10, -3), (8, 10, 5), (0, 10, 10)
+    for turned in (np.eye(3), np.eye(3)[[1, 2, 0]]):
+        part = fo.Body.from_parts([np.array(own) @ turned.T for own in (block, tongue)])
+        faces = [{"through": tuple(turned @ place)} for place in places]
+        found = [fo.Size("own", "movable", faces=face).drawn(part) for face in faces]
+        assert found == pytest.approx([6.0, 6.0, 16.0, 10.0])
+    aslant = [(x, y, z) for y in (0, 20) for x, z in ((3, 0), (3, -6), (-1, -6), (-3, 0))]
+    side = fo.Size("side", "movable", faces={"through": (3, 10, -3)})
+    assert math.isnan(side.drawn(fo.Body.from_parts([block, aslant])))  # no face across: its place alone
+    socket = fo.cut(fo.Box((16, 20, 10)), fo.Box((6, 30, 8), centre=(0, 0, 5)))
+    depth, thickness = (fo.Size("floor", "static", faces={"through": (0, 0, 1)}, each=each) for each in (-1, 1))
+    assert (depth.drawn(socket), thickness.drawn(socket)) == pytest.approx((4.0, 6.0))
+
+
 @pytest.mark.parametrize("goal", ["seat", "at", "touch"])
 def test_a_stop_on_a_round_rod_lost_its_contact_at_another_diameter(goal: Any) -> None:
     # corners of a rod that is taken as round go with its cylinder: facets are not where their planes would be alone

@@ -1077,7 +1077,20 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
             fo.solve(solution.assembly, throw=True)
         page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
         answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
-        assert solution.reason[1:] in answer
+        assert f"{solution.status.words.capitalize()}:" in answer
+        assert solution.reason.replace("; ", "\n") in answer  # a line each
+        assert "widen the limits" not in answer
+
+
+def test_the_report_of_an_assembly_tells_what_each_contact_is_asked_to_be() -> None:
+    """A cube on a floor before a wall, 0.3 from it: kept 0.5 clear it goes back by 0.2."""
+    parts = {"cube": fo.Box((2, 2, 2), centre=(0, 0, 1)), "floor": fo.Box((20, 20, 2), centre=(0, 0, -1))}
+    parts["wall"] = fo.Box((2, 20, 4), centre=(2.3, 0, 2))
+    between = [("cube", "floor"), {"parts": ("cube", "wall"), "goal": "clear", "clearance": 0.5}]
+    solution = fo.solve(fo.Assembly(parts, between, motions={"cube": X >> Z}, unit="mm"))
+    assert solution.amount == pytest.approx(0.2)
+    page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+    assert "<td>clear by 0.5 mm</td>" in page
 
 
 def test_how_far_true_faces_are_from_touching_again_was_not_told() -> None:

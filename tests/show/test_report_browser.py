@@ -60,6 +60,9 @@ CUT_OFF = """() => [...document.querySelectorAll("main *, header *")]
   .filter(e => e.getClientRects().length)
   .filter(e => e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
   .map(e => `${e.tagName}.${e.className}`)"""
+# Boxes whose contents have to be scrolled sideways.
+WIDER = """() => [...document.querySelectorAll(".scroll, .matrix")]
+  .filter(e => e.getClientRects().length && e.scrollWidth > e.clientWidth + 1).map(e => e.innerText)"""
 TRACE = """([plot, name]) => {
   const t = document.getElementById(plot).data.find(t => t.name === name);
   return t && { x: [...t.x], y: [...t.y], z: t.z ? [...t.z] : [] };
@@ -403,6 +406,34 @@ def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_o
     words = opened.page.inner_text("body")
     for empty in ("What touches", "Bounds and their evidence", "best first over separating"):
         assert empty not in words
+    assert opened.wrong == []
+    opened.context.close()
+
+
+def test_a_report_on_sizes_had_a_curve_of_scales_and_no_stack_up_on_paper(browser, tmp_path):
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    path = PROBLEMS / "slot_and_key.toml"
+    file = ProblemFile.read(path)
+    problems = [own for own in file.problems(Problem, path) if own.name != "as drawn"]
+    problems[0] = problems[0].changed(name="a_name_of_a_case_that_no_line_may_break_as_it_has_no_blank", goal="clear")
+    data = gather([Read(path, file.title, file.note, tuple(problems))], certify=False, frames=0.0)
+    (tmp_path / "report.html").write_text(page(data), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 390, "height": 844})
+    opened.page.wait_for_selector("html[data-drawn]", state="attached")
+    assert not opened.page.is_visible("#chart")
+    assert opened.page.evaluate(CUT_OFF) == []
+    assert opened.page.evaluate(WIDER) == []
+    assert opened.page.is_visible("#choose")
+    opened.page.set_viewport_size({"width": 1280, "height": 900})
+    assert not opened.page.is_visible("#choose")  # the list of cases is there
+    with on_paper(opened, "sheets") as pages:
+        assert [pages(size) for size in ("A4", "Letter")] == [len(problems)] * 2
+        for number in range(len(problems)):
+            sheet = opened.page.locator(f'.answer[data-case="{number}"]').inner_text()
+            assert "+0.0325 mm" in sheet
+            assert "64.5 %" in sheet
     assert opened.wrong == []
     opened.context.close()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -14,14 +14,16 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt import pacing
+from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import solved as solved_module
+from fcdm_opt.show import texts
 from fcdm_opt.show.remarks import left_out
-from fcdm_opt.show.report.cases import ANSWERED, answered
+from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
-from fcdm_opt.show.report.sizes import stack_report
-from fcdm_opt.show.stacks import stack_notes
+from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.stacks import BEYOND, stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -433,7 +435,6 @@ def test_tracked_pose_touches_where_the_parts_made_do_not():
     tracked = case["poses"]["tracked"]
     assert tracked["pair_state"] == "touching"
     assert tracked["sizes"] == tracked["rho"] == case["poses"]["corrected"]["rho"]
-    assert case["configurations"] == ["E-V"]
 
 
 # ------------------------------------------------------------------------------------------------------------- curves
@@ -545,6 +546,31 @@ def test_proof_is_told_with_whether_it_was_checked():
     assert gathered("boxes", "close the gap")["cases"][0]["evidence"] is None
 
 
+def test_a_proof_that_nothing_does_was_said_not_to_be_checked():
+    """A page said "impossible (proved)", and below it "checked again: no"."""
+    (case,) = gathered("bracket_stuck", certify=True)["cases"]
+    assert case["status"] == "INFEASIBLE"
+    assert case["evidence"]["checked"] is True
+    assert case["evidence"]["covers"] == "yes, by separate code: no motion at all does"
+    assert case["certificate"]["passed"] is True
+    assert all(check["name"].startswith("proof") for check in case["certificate"]["checks"])
+
+
+def test_values_were_said_to_hold_to_one_side_where_there_are_none():
+    """A peg midway between two walls goes to either: derivatives of one; of as many as are nan none is told."""
+    slot = fo.Body.from_parts([[*product(x, (-9, 9), (-9, 9))] for x in ((-9, -4), (4, 9))])
+    peg = fo.Body.convex([*product((-3, 3), (-4, 4), (-4, 4))])
+    found = fo.solve(fo.Problem(peg, slot, target=(1, 1), goal="touch", motion=fo.Translation("x")))
+    assert _sensitivities(found)["text"].startswith("the values hold to one side only")
+    none = {key: np.nan * own for key, own in vars(found.sensitivity).items() if isinstance(own, np.ndarray)}
+    none |= {"weights": {"TX": np.nan}, "faces": {}, "vertices": {}, "seeds": {}}
+    told = _sensitivities(found.changed(sensitivity=replace(found.sensitivity, **none)))
+    assert (told["bars"], told["most"]) == ([], None)
+    assert told["text"].startswith("no derivatives: another motion is as small; ")
+    still = fo.solve(found.problem.changed(goal="clear"))
+    assert _sensitivities(still)["text"] == "nothing nearby changes the amount"
+
+
 def test_sensitivities_are_the_derivatives_of_the_closed_form():
     (case,) = gathered("boxes", "both made larger", frames=1.0)["cases"]
     bars = {bar["name"]: bar["value"] for bar in case["sensitivities"]["bars"]}
@@ -617,6 +643,47 @@ def test_sizes_tolerances_and_their_stack_up_are_told():
     assert sum(own["worst"] for own in case["stack"]["shares"]) == pytest.approx(1.0)
     assert case["stack"]["shares"][0]["size"] == "slot_position"
     assert gathered("boxes", "both made larger")["cases"][0]["stack"] is None
+
+
+def test_rounding_was_shown_as_a_place_and_as_a_gap():
+    """A bore whose axis is off the origin by what a turn leaves, and a gap of 0 between digits of single precision."""
+    hole = fo.Cylinder(4.0, 20, base=(9.97e-15, 5.0, -10))
+    plate = fo.cut(fo.Box((40, 40, 10), name="plate"), hole, name="plate")
+    place = fo.Size("place", "static", faces="bore radius 4", along="x", tolerance=0.02)
+    pin = fo.Cylinder(3.9, 30, base=(0, 5, -15), name="pin")
+    (row,) = size_rows(fo.Problem(pin, plate, sizes=[place], motion=fo.Translation("x"), goal="clear"))
+    assert (row["drawn"], row["made"]) == ("at 0", "at 0")
+    assert direction_level(np.array([0.0, 0.0, 1.0]), np.array([1.0, 2.0, 9.97e-15])) == "z = 0"
+    assert direction(np.array([0.6, 0.8, 1e-16])) == "(0.6, 0.8, 0)"
+    assert direction_level(np.array([0.6, 0.8, 0.0]), np.array([8e-16, -6e-16, 3.0])).endswith(" . X = 0")
+    assert texts.shown(9.97e-15) == texts.shown(0.0) == "0"
+
+
+def test_a_root_sum_square_beyond_the_worst_case_was_not_marked():
+    """A peg of 6 in a slot of 6.2, each flank by itself: the worst case is 0.1 -+ 0.05; one flank's sigma is more."""
+    slot = fo.Body.from_parts([[*product(x, (-9, 9), (-9, 9))] for x in ((-9, -3.1), (3.1, 9))])
+    peg = fo.Body.convex([*product((-3, 3), (-4, 4), (-4, 4))])
+    flank = {"through": (3, 0, 0)}
+    size = fo.Size("flank", "movable", faces=flank, tolerance=0.05, distribution={"uniform": {}})
+    asked = fo.Problem(peg, slot, sizes=[size], goal="clear", motion=fo.Translation("x"))
+    told = stack_report(asked)
+    low, high = 0.1 - 3 * 0.05 / 3**0.5, 0.1 + 3 * 0.05 / 3**0.5  # of a uniform distribution
+    assert told["spread"] == pytest.approx([low, high])
+    assert [worst["gap"] for worst in told["worst"]] == pytest.approx([0.05, 0.1])
+    assert told["beyond"] == [True, True]
+    assert BEYOND in told["notes"]
+
+
+def test_a_goal_to_be_clear_is_told_with_its_clearance():
+    (case,) = gathered("lid", "room for a seal")["cases"]
+    assert case["wanted"] == "clear by 0.1 mm"
+    assert gathered(*LID)["cases"][0]["wanted"] == "seat"
+
+
+def test_what_matters_most_is_a_size():
+    (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
+    most = case["sensitivities"]["most"]
+    assert (most["name"], most["unit"], most["value"]) == ("slot_depth of slot", "+0.05 mm", pytest.approx(0.05))
 
 
 def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):

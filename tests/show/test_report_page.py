@@ -59,6 +59,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "name": name,
         "asked": asked,
         "goal": "beyond",
+        "wanted": "beyond",
         "status": "PAIR_OVERLAPS",
         "outside": False,
         "extents": [[f"one {text}", "1 x 2 x 3", "1.02 x 2.04 x 3.06", "1.02"]],
@@ -90,6 +91,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "stack": {
             "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
             "spread": [0.0, 0.2],
+            "beyond": [False, True],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
             "notes": [f"not counted {text}"],
         },
@@ -111,13 +113,11 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "pair_state": "overlapping",
         "rho": [1.02, 1.03],
         "features": [f"V1F2(P1V6; P2V2,V3,V5) {text}"],
-        "configurations": ["F-V"],
         "active": [f"active {text}"],
         "stage": "1: closed form",
         "seconds": {"solve": 0.01},
         "sha256": "0" * 64,
         "bodies": [body(f"one {text}", "movable"), body(f"two {text}", "static")],
-        "modelled": [{"what": f"part pairs {text}", "kept": 1, "total": 4}],
         "left_out": [f"left out {text}"],
         "certificate": {
             "passed": False,
@@ -126,9 +126,10 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
                 {"name": "second", "passed": False, "value": None, "limit": "inf", "note": ""},
             ],
         },
-        "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True},
+        "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True, "covers": f"yes {text}"},
         "sensitivities": {
             "text": f"derivatives {text}",
+            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
             "bars": [
                 {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
                 {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},
@@ -253,7 +254,7 @@ def test_hostile_names_stay_text(plain):
     assert [tag for tag, _ in hostile.elements] == [tag for tag, _ in harmless.elements]
     assert [sorted(a) for _, a in hostile.elements] == [sorted(a) for _, a in harmless.elements]
     words = visible(hostile)
-    for text in ("advice", "left out", "note", "evidence", "derivatives", "meaning", "wrong", "Title", "published"):
+    for text in ("advice", "left out", "note", "evidence", "Derivatives", "meaning", "wrong", "Title", "published"):
         assert f"{text} {HOSTILE}" in words
 
 
@@ -319,6 +320,42 @@ def test_a_stack_up_that_the_judge_refused_is_headed_by_that():
     words = visible(read(page(data)))
     words = words[words.index("Stack-up of the gap") :]
     assert words.index("NOT VERIFIED") < words.index("Worst case")
+
+
+def test_a_verdict_of_several_sentences_ran_on():
+    data = payload()
+    data["cases"][0]["verdict"] = "move one 1 mm along +x; move two 2 mm along -x: then both touch; proved"
+    big = page(data).split('<p class="big">')[1].split("</p>")[0]
+    lines = [re.sub("<[^>]*>", "", text).strip() for text in big.split("</span>\n")]
+    assert lines == ["Move one 1 mm along +x", "Move two 2 mm along -x:", "then both touch", "proved", ""]
+    data["files"][1]["error"] = "case 'A': wrong\ncase 'B': wrong too"
+    listed = [f"<li><b>b.toml</b>: case &#39;{case}</li>" for case in ("A&#39;: wrong", "B&#39;: wrong too")]
+    assert "".join(listed) in page(data)
+
+
+def test_one_sensitivity_is_a_sentence_and_no_chart():
+    data = payload()
+    for own in data["cases"]:
+        own["sensitivities"]["bars"][1]["value"] = 0.0
+    words = visible(read(page(data)))
+    assert words.count("Only the size plain: +0.5 for +1 % (of plain).") == 2
+    assert "left of the middle less" not in words
+
+
+def test_the_stack_up_stands_with_the_answer_and_marks_what_is_beyond_the_worst_case(plain):
+    sheet = plain.split("<article")[1]
+    assert "What each size contributes to the gap" in sheet
+    assert "Root sum square" in sheet
+    assert "+0 to +0.2\u00a0*" in sheet
+    assert plain.count("What each size contributes to the gap</caption>") == 2  # once a case
+
+
+def test_what_was_checked_of_what_is_impossible_is_said():
+    data = payload()
+    covers = "yes, by separate code: no motion at all does"
+    proof = {"bound": None, "text": "", "checked": True, "covers": covers}
+    data["cases"][0] |= {"amount": None, "status": "INFEASIBLE", "evidence": proof}
+    assert covers in visible(read(page(data)))
 
 
 def test_a_case_without_motion_says_so():

@@ -42,7 +42,7 @@ def test_bars_are_what_solving_again_gives() -> None:
     weights = dict(zip(("TX", "TZ"), asked.weights.tolist(), strict=True))
     for name, weight in weights.items():
         up, down = (again(weights={**weights, name: weight * factor}) for factor in (1.0 + STEP, 1.0 - STEP))
-        assert found[f"weight of {name}"].value == pytest.approx((up - down) / 2.0, rel=0.02)
+        assert found[f"weight of the shift along {name[1].lower()}"].value == pytest.approx((up - down) / 2.0, rel=0.02)
 
 
 def test_a_tolerance_counts_by_a_hundredth_and_sizes_come_always() -> None:
@@ -65,10 +65,10 @@ def test_a_limit_that_holds_gets_a_bar_with_its_unit() -> None:
     )  # fmt: skip
     found = named(fo.solve(asked))
     wider, nearer = (fo.solve(asked.changed(limits={"RZ": (0.0, 0.1 + step)})).amount for step in (1e-3, -1e-3))
-    bar = found["upper limit of RZ"]
+    bar = found["upper limit of the turn about z"]
     assert bar.unit == "+0.5 deg"
     assert bar.value == pytest.approx(math.radians(0.5) * (wider - nearer) / 2e-3, rel=1e-3)
-    assert "lower limit of RZ" not in found
+    assert "lower limit of the turn about z" not in found
 
 
 def test_steps_of_lengths_were_numbers_that_nobody_knows() -> None:

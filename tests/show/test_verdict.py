@@ -284,7 +284,7 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     asked = fo.Problem(peg, plate, target=(1, 1), motion=fo.Translation("x"), keep_out=stops, unit="mm", **given)
     words = "in the way: keep-out stop, without which there is a motion"
     told = verdict_text(fo.solve(asked))
-    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in, where ")
+    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in: ")
     assert told.endswith(words)
     joined = {"parts": ("peg", "plate"), **given}
     both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)
@@ -330,7 +330,7 @@ def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit
     problem = fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
     told = str(fo.solve(problem))
     assert told.startswith(
-        "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in, where its bottom"
+        "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in: without one, its bottom"
     )
 
 

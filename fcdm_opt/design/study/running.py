@@ -82,6 +82,7 @@ def run_study(
     study = study if isinstance(study, Study) else Study.read(study)
     with (
         Store(Path(out), study.key, __version__, study.to_dict()) as store,
+        pacing.part_of("solving points"),
         shown(len(study), progress=progress, say=say) as tell,
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
@@ -237,7 +238,7 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     start = monotonic()
     if progress and sys.stderr is not None and sys.stderr.isatty():
         if pacing.has_listeners():
-            yield lambda done, made: pacing.at("solving points", done, total)
+            yield lambda done, made: pacing.at("", done, total)
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -256,6 +257,7 @@ def shown(total: int, *, progress: bool, say: Say | None) -> Iterator[Callable[[
     def tell(done: int, made: int) -> None:
         nonlocal last, known
         known = done, made
+        pacing.at("", done, total)
         if monotonic() - last >= PAUSE:
             last = monotonic()
             say(pace(total, *known, last - start))

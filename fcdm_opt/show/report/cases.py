@@ -1,4 +1,4 @@
-"""What a report says of one case: question, answer, proof, what was modelled and left out, and the frames to show."""
+"""What a report says of one case: question, answer, proof, what was left out, and the frames to show."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.segments import Segment
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.evidence import Evidence
@@ -26,17 +25,20 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.report.sizes import size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import bars
+from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import (
+    DIGITS,
     NOTHING,
     advised,
     asked_text,
     bound_text,
+    goal_text,
     listed,
     motion_text,
     outcome_text,
     parameter_texts,
+    seen_amount,
     shown,
     sizes_text,
     telling,
@@ -51,8 +53,6 @@ ANSWERED = (
     "doubt", "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
-PROOF = "proof"
-"""How the names of a certificate's checks of a proof begin."""
 
 
 def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float) -> dict[str, Any]:
@@ -64,7 +64,6 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     solution = case.solution
     grounds = {
         "bodies": _bodies(solution.problem),
-        "modelled": _modelled(solution),
         "left_out": left_out(solution),
         "certificate": finite(solution.certificate),
         "evidence": _evidence(solution),
@@ -90,7 +89,7 @@ def answered(solution: Solution) -> dict[str, Any]:
     return {
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
-        "motion": motion_text(solution),
+        "motion": motion_text(solution) if seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
         "outcome": "does not fit" if misfit(solution.problem) else outcome_text(solution),
         "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
@@ -113,6 +112,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": asked_text(problem),
+        "wanted": goal_text(problem),
         "off_drawn": sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
@@ -129,7 +129,6 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
             {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
         ],
         "features": [feature.label for feature in solution.features],
-        "configurations": pacing.in_time(_configurations, solution, late=[]),
         "sha256": digest(canonical(problem.to_dict())),
     }
 
@@ -144,20 +143,6 @@ def _extents(problem: Problem, solution: Solution) -> list[list[str]]:
         alike = set(factors.split(" x "))
         told.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
     return told
-
-
-def _configurations(solution: Solution) -> list[str]:
-    """Return which of the seven configurations each contact is: after the motion, or the nominal one without."""
-    problem = solution.problem
-    contact = problem.nominal_contact
-    if solution.transform is not None and solution.rho is not None:
-        curve = problem.curve_after(solution.transform, solution.rho)
-        if problem.partial:
-            return list(dict.fromkeys(each.configuration for each, _ in curve.touching(solution.rho)))
-        contact = curve.locate(solution.rho)
-    if contact is None:
-        return []
-    return [contact.configuration] if isinstance(contact, Segment) else list(contact.configurations)
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
@@ -180,28 +165,20 @@ def _bodies(problem: Problem) -> list[dict[str, Any]]:
     ]
 
 
-def _modelled(solution: Solution) -> list[dict[str, Any]]:
-    counts = solution.modelled
-    rows = [
-        {"what": what, "kept": counts[f"{key}_kept"], "total": counts[f"{key}_total"]}
-        for key, what in (("part_pairs", "part pairs"), ("features", "pairs of elements"), ("keep_outs", "keep-outs"))
-        if f"{key}_kept" in counts
-    ]
-    own = (key for key in ("variables", "constraints") if key in counts)  # none of linear equations of true faces
-    return rows + [{"what": key, "kept": counts[key], "total": None} for key in own]
-
-
 def _evidence(solution: Solution) -> dict[str, Any] | None:
-    """Return what the proof is made of, and whether the judge passed it."""
+    """Return what the proof is made of, whether the judge passed it, and what that covers."""
     if solution.evidence is None:
         return None
-    evidence = solution.evidence
-    checks = [] if solution.certificate is None else solution.certificate.checks
-    proof = [check.passed for check in checks if check.name.startswith(PROOF)]
+    evidence, certificate = solution.evidence, solution.certificate
+    proof = [own.passed for own in (certificate.checks if certificate else ()) if own.name.startswith("proof")]
     bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
-    beside = not solution.status.found and np.isfinite(bound)  # a closed form says more: that nothing does
-    checked = all(proof) if proof and not beside else None
-    return {"bound": finite(bound), "text": evidence.told, "checked": checked}
+    checked, covers = all(proof) if proof else None, "yes, by separate code"
+    if checked and not solution.status.found:
+        least = measured(floored(bound, DIGITS), solution.problem.amount_unit) if np.isfinite(bound) else ""
+        covers += f": no motion of up to {least} does" if least else ": no motion at all does"
+        if least and solution.status.name == "INFEASIBLE":
+            checked, covers = None, f"{covers}; that none at all does is shown by a closed form"
+    return {"bound": finite(bound), "text": evidence.told, "checked": checked, "covers": covers if proof else "no"}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -209,17 +186,23 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
         return None
     if solution.problem.partial:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"
-        return {"bars": [], "text": text}
+        return {"bars": [], "text": text, "most": None}
     derivatives = solution.sensitivity
+    every = bars(derivatives, solution.problem)
+    known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
+    sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
+    most = max((bar for bar in sizes if bar.value), key=lambda bar: abs(bar.value), default=None)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
-        why = "; ".join(reason.removeprefix("a tie: ") for reason in derivatives.reasons)
-        text = f"the values hold to one side only, or for one of several motions that are as small: {why}"
-    every = bars(derivatives, solution.problem)
-    none = [bar.name for bar in every if not np.isfinite(bar.value)]
+        text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
+        why = (reason.removeprefix("a tie: ") for reason in derivatives.reasons)
+        text = f"{text or 'no derivatives'}: {'; '.join(why)}"
+    elif not known:
+        text = "nothing nearby changes the amount"
     if none:
-        text += f"; no derivative by {listed(none) if len(none) <= MOST_TOLD else f'{len(none)} data'}"
-    return {"bars": [finite(bar._asdict()) for bar in every if np.isfinite(bar.value)], "text": text}
+        names = listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
+        text += f"; no derivative by {names}"
+    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most and finite(most._asdict())}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

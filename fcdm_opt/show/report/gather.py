@@ -36,7 +36,6 @@ PROOFS, PROOF = 4.0, 1.5
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
-
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
 """What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
 
@@ -72,7 +71,7 @@ def gather(
             pacing.at("drawing")
             share = frames_of(problem, len(asked)) if frames is None else frames
             share = share if pacing.left() > AMPLE else -1.0
-            with pacing.sharing(DRAWN), pacing.telling():
+            with pacing.sharing(DRAWN), pacing.telling(), pacing.part_of("drawing"):
                 return case_report(problem, solved, name=f"case-{number}", frames=share)
 
     for name in LOADED:
@@ -104,7 +103,7 @@ def gather(
         tables += [{"file": number, **table} for table in matrices(known, cases, first)]
         listed.append({**head(file), "cases": list(range(first, len(cases)))})
         if errors:
-            listed[-1] |= {"error": "; ".join(errors), "late": late}
+            listed[-1] |= {"error": "\n".join(errors), "late": late}
     one = listed[0] if len(listed) == 1 else {"title": f"Tolerance problems: {len(listed)} files", "note": ""}
     return {
         "title": one["title"] or one["file"],

@@ -25,6 +25,7 @@ from fcdm_opt.show.texts import (
     amount_text,
     asked_text,
     bound_line,
+    goal_text,
     listed,
     seen_amount,
     shown,
@@ -82,7 +83,7 @@ def page(payload: Data) -> str:
         inputs=_inputs(files),
         versions=payload["made"].items(),
         made_at=payload["made"]["date"],
-        tolerances=[(name, shown(value), meaning) for name, value, meaning in payload["tolerances"]],
+        tolerances=[(name, f"{value:g}", meaning) for name, value, meaning in payload["tolerances"]],
     )
 
 
@@ -139,22 +140,27 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
 
 def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
-    certificate = solution.certificate
+    certificate, verdict, texts = solution.certificate, assembly_verdict(solution), unsaid(solution)
+    if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
+        verdict, texts = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *texts]
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
         "usable": solution.usable,
-        "verdict": assembly_verdict(solution),
+        "verdict": verdict,
         "picture": picture,
         "moved": solution.status.found,
         "amount": amount_text(seen_amount(solution), unit),
         "bound": bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
-        "told": unsaid(solution),
+        "told": texts,
         "asked": asked_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
-        "contacts": [(f"{pair.one} - {pair.two}", _touching(own), own.pair_state or "-") for pair, own in solved],
+        "contacts": [
+            (f"{pair.one} - {pair.two}", goal_text(own.problem), _touching(own), own.pair_state or "-")
+            for pair, own in solved
+        ],
         "stages": solution.stages,
         "checks": certificate.checks if certificate is not None else (),
     }

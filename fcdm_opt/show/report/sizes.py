@@ -12,7 +12,8 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.show.texts import NONE, listed, shown
+from fcdm_opt.show.stacks import BEYOND, another_decides, contributions_of, gap_per_unit, noise_of, stack_notes
+from fcdm_opt.show.texts import NONE, listed, number, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
 PLACES = 6
@@ -28,12 +29,13 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
         body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
         drawn, place = size.drawn(body), size.position(body)
         at, drawn = ("", drawn) if np.isnan(place) else ("at ", place)
+        noise = noise_of([body])
         made = drawn + off * (1.0 if size.is_length else drawn)
         low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
-            "drawn": NONE if np.isnan(drawn) else f"{at}{drawn:.{PLACES}g}",
-            "made": NONE if np.isnan(made) else f"{at}{made:.{PLACES}g}",
+            "drawn": NONE if np.isnan(drawn) else f"{at}{number(drawn, PLACES, noise)}",
+            "made": NONE if np.isnan(made) else f"{at}{number(made, PLACES, noise)}",
             "off": size.deviation_text(off, "") if off else "", "beyond": size.is_beyond(off),
         })  # fmt: skip
     return rows
@@ -57,7 +59,6 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.judge.certificate import verify
-    from fcdm_opt.show.stacks import another_decides, contributions_of, gap_per_unit, stack_notes
 
     if not scene.sizes:
         return None
@@ -65,8 +66,11 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         with pacing.looking(STACKED):
             found = stack_up(scene)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
+            noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
+            gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
+            beyond = [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]
             shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
-            notes += filter(None, [another_decides(spread)])
+            notes += filter(None, [another_decides(spread), BEYOND * any(beyond)])
             failed = ", ".join(own.name for own in verify(found).failed)
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
@@ -82,9 +86,10 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
-            for what, gap, at in (("least", worst.least, worst.at_least), ("largest", worst.largest, worst.at_largest))
+            for what, gap, at in zip(("least", "largest"), gaps, (worst.at_least, worst.at_largest), strict=True)
         ],
-        "spread": [spread.low, spread.high],
+        "spread": ends,
+        "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
                            "worst": own.worst, "variance": own.variance}) for own in shares],
         "notes": notes,

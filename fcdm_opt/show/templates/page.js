@@ -50,14 +50,13 @@ const nominalName = () => (currentCase().tracking ? "tracked point before (nomin
 /** Name the bodies in the keys below the figures, and leave out what this case does not have. */
 function fillKeys() {
   if (!element("curve")) return;
-  const { axes, bodies, poses, families, nominal, tolerance_box: box, quadrant } = currentCase();
+  const { bodies, poses, families, nominal, tolerance_box: box, quadrant } = currentCase();
   const frames = [poses, ...Object.values(families ?? {}).map(each => each?.frames ?? [])].flatMap(Object.values);
   element("key-movable").textContent = bodies[0].name;
   element("key-static").textContent = bodies[1].name;
   element("key-keep-out").hidden = bodies.length < 3;
   element("key-overlap").hidden = !poses.rescaled.overlap?.length;
-  element("chart").hidden = !box && frames.every(frame =>
-    !frame || (String(frame.target) === String(nominal) && !frame.curve.some(segment => isSeen(segment, axes.window))));
+  element("chart").hidden = !box && !poses.tracked && frames.every(frame => !frame || String(frame.target) === String(nominal));
   element("viewer-title").textContent = element("chart").hidden ? "Contact" : "Contact and decision curve";
   for (const id of ["key-before", "key-after"]) element(id).hidden = !frames.some(frame => frame?.transform);
   element("key-snug").hidden = !frames.some(frame => frame?.curve.some(segment => segment[5]));
@@ -65,14 +64,6 @@ function fillKeys() {
   element("key-quadrant").hidden = !quadrant;
   element("key-nominal").textContent = nominalName();
   for (const id of ["key-tracked", "now-tracked"]) element(id).hidden = !currentCase().tracking;
-}
-
-/** Whether a straight segment is seen in a window: their extents meet, and not all corners are on one side of it. */
-function isSeen([x1, y1, x2, y2], [[left, right], [low, high]]) {
-  const sides = [[left, low], [left, high], [right, low], [right, high]]
-    .map(([x, y]) => Math.sign((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1)));
-  return Math.min(x1, x2) <= right && Math.max(x1, x2) >= left && Math.min(y1, y2) <= high && Math.max(y1, y2) >= low
-    && new Set(sides).size > 1;
 }
 
 /** Set the slider to a family's start, the case as asked; without a family it is switched off. */
@@ -102,11 +93,6 @@ function slide() {
   const slider = element("slider");
   Object.assign(state, { family: slider.dataset.family, index: Number(slider.value) });
   nameSliderValue();
-  show();
-}
-
-function choosePose(pose) {
-  Object.assign(state, { pose, family: null });
   show();
 }
 
@@ -173,7 +159,7 @@ function requestDrawing() {
 function listen() {
   element("choose").addEventListener("change", event => chooseCase(Number(event.target.value)));
   element("slider")?.addEventListener("input", slide);
-  for (const input of all("input[name=pose]")) input.addEventListener("change", () => choosePose(input.value));
+  for (const input of all("input[name=pose]")) input.addEventListener("change", () => (Object.assign(state, { pose: input.value, family: null }), show()));
   for (const input of all("input[name=family]")) input.addEventListener("change", () => (prepareSlider(input.value), slide()));
   for (const button of all("[data-turn]")) button.addEventListener("click", () => move(button.dataset.turn));
   for (const button of all("[data-zoom]")) button.addEventListener("click", () => press("zoom", button.dataset.zoom));
