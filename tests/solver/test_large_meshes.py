@@ -480,7 +480,7 @@ def test_how_faces_are_cut_into_triangles_changes_nothing(above, below, shift, r
 
 def test_the_proof_of_a_part_of_which_the_first_piece_is_far_away_was_refused() -> None:
     """A square tip in a round hollow, and a knob above it: the checker took edges of the knob for those of the tip."""
-    knob = fo.Sphere(3.0, facets=16).parts[0].vertices + (0.0, 0.0, 20.0)
+    knob = np.add(fo.Sphere(3.0, facets=16).parts[0].vertices, (0.0, 0.0, 20.0))
     tip = np.array([(x, y, z) for x in (-3.0, 3.0) for y in (-3.0, 3.0) for z in (-9.0, 18.0)])
     probe = fo.Body.from_parts([knob, tip], seed=(0.0, 0.0, 0.0), name="probe")
     socket = fo.cut(fo.Box((32, 32, 16), centre=(0, 0, -8)), fo.Sphere(10.0, facets=48), name="socket")
