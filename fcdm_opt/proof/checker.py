@@ -240,12 +240,12 @@ class Examiner:
         if problem.goal == "seat" and self.coherent:
             still = held(problem.nominal_seats, problem.motion, problem.movable, problem.static)
             limits[still & around] = 0.0
-        if self.features[1]:
-            return limits
         directions = problem.motion.shift_directions
         half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
         for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
             low, high = limits[k]
+            if direction is None and self.features[1]:
+                continue
             if step.closed and around[k] and not isinstance(problem.amount, OwnAmount):
                 limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
             elif direction is not None:
@@ -254,7 +254,8 @@ class Examiner:
 
     def _reach(self, shifts: Sequence[Array]) -> float:
         """Return a translation beyond which nothing touches; infinite if that is not known or not asked."""
-        if not (self.must_touch and self.problem.motion.about_seed and 0 < len(shifts) <= 3):
+        kept = self.coherent and self.problem.goal in ("at", "seat")
+        if not ((self.must_touch or kept) and self.problem.motion.about_seed and 0 < len(shifts) <= 3):
             return np.inf
         least = float(np.linalg.svd(np.array(shifts), compute_uv=False)[-1]) - DEFAULT.nominal
         parts = [_norm(own).max() for own in self.movable]

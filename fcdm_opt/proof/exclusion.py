@@ -186,15 +186,16 @@ class Exclusion:
         if task.amount_kind == "displacement" and np.isfinite(self.upper):
             reach = self._displaced()
             limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
-        if task.tracked:
+        touches = task.must_touch or (task.coherent and task.goal in ("at", "seat"))
+        if task.tracked and not touches:
             return limits
         directions = task.motion.shift_directions
-        for k, step in enumerate(task.motion.owners):
+        for k, step in enumerate(() if task.tracked else task.motion.owners):
             if step.closed and not isinstance(task.amount_kind, OwnAmount):
                 low, high = limits[k]
                 limits[k] = max(low, min(-np.pi, high - 2.0 * np.pi)), min(high, max(np.pi, low + 2.0 * np.pi))
         shifts = np.array([own for own in directions if own is not None])
-        if task.motion.about_seed and task.must_touch and len(shifts):
+        if task.motion.about_seed and touches and len(shifts):
             least = np.linalg.svd(shifts, compute_uv=False)[-1] if len(shifts) <= 3 else 0.0
             partners = self.movable, self.obstacles[: len(task.static.parts)]
             away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in partners)

@@ -18,6 +18,7 @@ from fcdm_opt.curve.flush import dimension, flush_contacts
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.primitives import Box, cut, joined
 from fcdm_opt.judge.certificate import Certificate, verify
 from fcdm_opt.motion.motions import Motion, Rotation, Screw, Translation
 from fcdm_opt.problem.problem import Problem, load_problems
@@ -701,3 +702,16 @@ def test_limits_of_what_the_contact_holds_were_divided_by_zero() -> None:
         keep_out=[post],
     )  # fmt: skip
     assert solve(asked).amount == pytest.approx(np.hypot(0.02, 0.005), rel=1e-9)
+
+
+@pytest.mark.parametrize("goal", ["seat", "at"])
+def test_a_lid_that_cannot_be_flush_again_had_no_evidence_of_it(goal: str) -> None:
+    """Its plug of 9 becomes wider than its hole of 9.2 and lies 1 deep: only shifts of at most all of both may touch."""
+    lid = joined(Box((20, 20, 2), centre=(0, 0, 1)), Box((9, 9, 2), centre=(0, 0, 0)), name="lid")
+    case = cut(Box((20, 20, 8), centre=(0, 0, -4)), Box((9.2, 9.2, 6), centre=(0, 0, -1)), name="case")
+    motion = Translation("z")
+    problem = Problem(lid, case, tolerance=0.02, requirement="B", nominal="drawn", goal=goal, motion=motion)
+    solution = solve(problem, certify=True)
+    assert solution.status is Status.INFEASIBLE
+    assert solution.evidence is not None
+    assert verify(solution, proof=True).passed
