@@ -706,7 +706,7 @@ def test_limits_of_what_the_contact_holds_were_divided_by_zero() -> None:
 
 @pytest.mark.parametrize("goal", ["seat", "at"])
 def test_a_lid_that_cannot_be_flush_again_had_no_evidence_of_it(goal: str) -> None:
-    """Its plug of 9 becomes wider than its hole of 9.2 and lies 1 deep: only shifts of at most all of both may touch."""
+    """Its plug of 9 becomes wider than its hole of 9.2 and lies 1 deep: only shifts of at most both may touch."""
     lid = joined(Box((20, 20, 2), centre=(0, 0, 1)), Box((9, 9, 2), centre=(0, 0, 0)), name="lid")
     case = cut(Box((20, 20, 8), centre=(0, 0, -4)), Box((9.2, 9.2, 6), centre=(0, 0, -1)), name="case")
     motion = Translation("z")
