@@ -48,6 +48,7 @@ PROOF = "proof: "
 ONLY = "only motion"
 RESTORED = "contacts restored: none smaller by their equations, or no other motion"
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
+FEW_PAIRS = 64  # part pairs up to which it is shown that they have no motion at all
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 AS_FAR = 8.0  # times what facets leave of true faces: up to so far apart parts are looked at on these
@@ -198,7 +199,10 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     from fcdm_opt.judge.only_motion import none_shorter, none_smaller, only_motion
     from fcdm_opt.proof.checker import least_outside
 
-    if not (problems and isfinite(amount)):
+    if not isfinite(amount):
+        few = sum(len(own.movable.parts) * len(own.static.parts) for own in problems) <= FEW_PAIRS
+        return few and any(none_shorter(problems, _out_of_touch(own)) for own in problems if own.contacts)
+    if not problems:
         return False
     round_ones = [own for own in problems if q is not None and own.motion.shifts and touching_again(own) is not None]
     if round_ones and q is not None and _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement):
@@ -223,6 +227,18 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
     shown = alone or amount <= slack or none_smaller(problems, amount - slack)
     return shown or none_shorter(problems, amount - slack)
+
+
+def _out_of_touch(problem: Problem) -> float:
+    """Return the weighted amount from which on shifts leave no contact of the two bodies; infinite if none is known."""
+    if not problem.motion.shifts or problem.goal == FIT:
+        return inf
+    seeds = problem.movable.seed, problem.static.seed
+    both = zip((problem.movable, problem.static), problem.target.tolist(), seeds, strict=True)
+    away = sum(scale * float(np.linalg.norm(body.vertices - seed, axis=1).max()) for body, scale, seed in both)
+    shares = np.linalg.svd(problem.motion.ways(*seeds) / problem.weights[:, None], compute_uv=False)
+    far = 2.0 * (away + float(np.linalg.norm(seeds[0] - seeds[1])))
+    return far / float(shares[-1]) if len(shares) == len(problem.weights) and shares[-1] > DEFAULT.nominal else inf
 
 
 def _least_restoring(asked: Sequence[Problem], q: Array) -> float:

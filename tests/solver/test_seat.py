@@ -715,3 +715,6 @@ def test_a_lid_that_cannot_be_flush_again_had_no_evidence_of_it(goal: str) -> No
     assert solution.status is Status.INFEASIBLE
     assert solution.evidence is not None
     assert verify(solution, proof=True).passed
+    together = solve(problem.changed(contacts="all"), certify=True)
+    assert together.status is Status.INFEASIBLE
+    assert verify(together, proof=True).passed
