@@ -497,6 +497,37 @@ def _on_both_bodies(
     return gap[chosen], normal[chosen], x[chosen], foot[chosen]
 
 
+def _turned_to(points: Array, on: list[Patch], against: Patch) -> Array:
+    """Return points of cylinders, their rims and spheres turned to where a parallel one, or another sphere, is nearest.
+
+    Others stay, and those of concentric ones. Arguments as `lowest` takes them.
+    """
+    two = against.surface
+    for k, one in enumerate(own.surface for own in on):
+        if (one.line is None) != (two.line is None):
+            continue
+        centres, away = one.origin, one.origin - two.origin
+        if one.line is None:
+            suited = (one.ring == 0.0) & (two.ring == 0.0) & (len(on) == 1)
+        else:
+            assert two.line is not None
+            centres = centres + ((points - one.origin) * one.axis).sum(axis=1)[:, None] * one.axis
+            away = away - (away * two.axis).sum(axis=1)[:, None] * two.axis
+            suited = (one.line[1] == 0.0) & (two.line[1] == 0.0) & _parallel(one, two)
+            for other in (own.surface for j, own in enumerate(on) if j != k):
+                suited &= other.line is not None and (other.line[0] == 0.0) & _parallel(one, other)
+        lengths = norms(away)
+        suited &= lengths > DEFAULT.tie * one.radius
+        place = centres - (one.radius * against.side / np.where(suited, lengths, 1.0))[:, None] * away
+        points = np.where(suited[:, None], place, points)
+    return points
+
+
+def _parallel(one: Swept, two: Swept) -> Flags:
+    """Tell of each two of several surfaces whether their axes are parallel."""
+    return norms(cross(one.axis, two.axis)) <= DEFAULT.nominal
+
+
 def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Array:
     """Return points of a patch, or of the curve between two, where the gap to another is least, from some start.
 
@@ -508,6 +539,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Ar
     if not on:
         return points
     points = onto(points, [own.surface for own in on])
+    points = _turned_to(points, on, against)
     gap, normal = against.gaps(points)
     start, moving = points.copy(), np.arange(len(points))
     for _ in range(STEPS):
