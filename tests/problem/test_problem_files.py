@@ -733,3 +733,20 @@ def test_contacts_of_the_defaults_were_refused_by_cases_of_other_goals(tmp_path:
     with pytest.raises(InputError, match=r"'clear'\.goal: does not go with contacts") as refused:
         load_problems(path)
     assert "changed(" not in str(refused.value)
+
+
+def test_a_clearance_of_the_defaults_was_refused_by_cases_of_other_goals(tmp_path: Path) -> None:
+    """It holds where it means something; of a case itself, or where no case has it, it is refused."""
+    text, path = (PROBLEMS / "peg_square.toml").read_text().partition("\n[[case]]")[0], tmp_path / "p.toml"
+    text = re.sub(r'(?m)^(goal|pair|clearance) = .*\n', "", text).replace("[defaults]", "[defaults]\nclearance = 0.1")
+    text = text.replace('file = "', f'file = "{PROBLEMS}/')
+    case = '\n[[case]]\nname = "{0}"\ntarget = [1.0, 1.0]\ngoal = "{0}"\n'
+    path.write_text(text + "".join(map(case.format, ("touch", "clear"))))
+    assert {own.name: own.clearance for own in load_problems(path)} == {"touch": 0.0, "clear": 0.1}
+    path.write_text(text + case.format("touch"))
+    with pytest.raises(InputError, match="no case asks for this clearance") as refused:
+        load_problems(path)
+    assert refused.value.key == "defaults.clearance"
+    path.write_text(text + case.format("clear") + case.format("touch") + "clearance = 0.2\n")
+    with pytest.raises(InputError, match=r"'touch'\.clearance: nothing asks for this clearance"):
+        load_problems(path)
