@@ -66,7 +66,7 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     below = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
     several = len(sizes.box) > 2
     sheet = Sheet.of(PAGE, 3.2 + UPRIGHT * several, title=title, caption=below)
-    named = zip(sizes.over, _told_as(sizes), strict=True)
+    named = zip(sizes.over, _units_at(sizes), strict=True)
     labels = [literal(name if several else f"{name} ({what})") for name, what in named]
     _draw_curve(sheet, sizes, labels[0]) if len(labels) == 1 else _draw_panels(sheet, sizes, labels)
     lines = []
@@ -83,7 +83,7 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     return sheet.figure
 
 
-def _told_as(sizes: CompensationMap) -> list[str]:
+def _units_at(sizes: CompensationMap) -> list[str]:
     """Return what the numbers at an axis are, for each size."""
     units = (f", {unit}" if unit else "" for unit in units_over(sizes))
     return ["1 as drawn" if scale else f"off drawn{unit}" for unit, scale in zip(units, sizes.scaled, strict=True)]
@@ -93,7 +93,7 @@ def _signs(sizes: CompensationMap) -> list[str]:
     """Return what stands for what in the picture, of that which is there."""
     scales, box = sizes.over == SCALES, np.asarray(sizes.box)
     top, constant = max((own.amounts[1] for own in sizes.regions), default=0.0), _constant(sizes)
-    numbers = " or ".join(dict.fromkeys(_told_as(sizes)))
+    numbers = " or ".join(dict.fromkeys(_units_at(sizes)))
     plane, several, inside = len(box) == 2, len(box) > 2, _within(sizes.nominal, box)
     signs = {
         f"each panel: two sizes ({numbers}), all others {'as at the star' if inside else 'in the middle'}": several,

@@ -309,8 +309,8 @@ def print_budgets(budgets: Budgets) -> None:
     notes = []
     for one in budgets.values():
         sizes = one.sizes_text(DIGITS) if one.sizes and one.tolerance else ""
-        if told := ", within ".join(filter(None, (one.corner, sizes))):
-            notes.append(f"{one.requirement}: {told}")
+        if text := ", within ".join(filter(None, (one.corner, sizes))):
+            notes.append(f"{one.requirement}: {text}")
     notes += [budgets.open_text] * bool(budgets.open_text)
     notes += [
         f"{each.requirement}, {'above' if each.bracket[1] else 'as drawn'}: {each.advice}"

@@ -160,7 +160,7 @@ class AssemblyYield(Plain, NotebookRepr):
         apart = f", whether or not the {self.outside:.4%} beyond the map's ends do" if self.outside else ""
         sure = f"{100.0 * self.confidence:.6g} % confidence"
         words.append(f"of all such pairs {low:.{places}%} to {high:.{places}%} pass ({sure}){apart}")
-        words += [f"{getattr(self, what):.{places}%} {told}" for what, told in OTHERS.items() if getattr(self, what)]
+        words += [f"{getattr(self, what):.{places}%} {text}" for what, text in OTHERS.items() if getattr(self, what)]
         return "; ".join((*words, *self._distribution_text, *self.known_to))
 
     @property
