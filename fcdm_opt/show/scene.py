@@ -745,10 +745,11 @@ def contacts_of(
         return [found[0][1]]
     words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
     first = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
-    return [
+    told = (
         one._replace(number=first[words[number]], told=words[number]) if number in words else one
-        for number, one in sorted(found, key=lambda own: own[0])
-    ]
+        for number, one in found
+    )
+    return sorted(told, key=lambda one: one.number or len(found))
 
 
 def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:

@@ -212,7 +212,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
                 ends.append("a condition touches zero at rest: what is near there is not proved")
             asked = problem if isinstance(times, str) else cast("Problem", times.problem)
             if opening := [name for name, x in (asked.made or {}).items() if x != (problem.made or {}).get(name, 0.0)]:
-                ends.append(f"followed with {listed(opening)} as drawn: at what is made there is no such contact at rest")
+                ends.append(f"followed with {listed(opening)} as drawn: as made there is no such contact at rest")
         else:
             assert not isinstance(times, str)
             problem, direction, ends = cast("Problem", times.problem), times.direction, []

@@ -673,7 +673,7 @@ WRONG = [
     ('[[vary]]\nkey = "limts.TZ"\nvalues = [[-1, 1]]', "unknown key 'limts', did you mean 'limits'"),
     ('[[vary]]\nkey = "limits.TY"\nvalues = [[-1, 1]]', r"vary\[1\].*no such parameter; found 'TY'; allowed: TZ"),
     ('[[vary]]\nkey = "motion[3].pitch"\nvalues = ["free"]', r"vary\[1\].*motion\[3\]: no such item; allowed: 1 to 2"),
-    ('[[vary]]\nkey = "tolerance[1]"\nvalues = [0.1]', r"vary\[1\].*tolerance: an item of it is asked for, and the problem does not give it"),
+    ('[[vary]]\nkey = "tolerance[1]"\nvalues = [0.1]', r"vary\[1\].*tolerance: an item of it is asked for, and the"),
     ('[[vary]]\nkey = "bodies.movable.vertices[9][1]"\nvalues = [0.1]',
      r"vertices\[9\]: no such item; allowed: 1 to 8"),
     ('[[vary]]\nkey = "bodies.movable.vertces"\nvalues = [[]]', "unknown key 'vertces', did you mean 'vertices'"),

@@ -738,7 +738,7 @@ def test_contacts_of_the_defaults_were_refused_by_cases_of_other_goals(tmp_path:
 def test_a_clearance_of_the_defaults_was_refused_by_cases_of_other_goals(tmp_path: Path) -> None:
     """It holds where it means something; of a case itself, or where no case has it, it is refused."""
     text, path = (PROBLEMS / "peg_square.toml").read_text().partition("\n[[case]]")[0], tmp_path / "p.toml"
-    text = re.sub(r'(?m)^(goal|pair|clearance) = .*\n', "", text).replace("[defaults]", "[defaults]\nclearance = 0.1")
+    text = re.sub(r"(?m)^(goal|pair|clearance) = .*\n", "", text).replace("[defaults]", "[defaults]\nclearance = 0.1")
     text = text.replace('file = "', f'file = "{PROBLEMS}/')
     case = '\n[[case]]\nname = "{0}"\ntarget = [1.0, 1.0]\ngoal = "{0}"\n'
     path.write_text(text + "".join(map(case.format, ("touch", "clear"))))

@@ -53,7 +53,8 @@ class Conflicts(Plain):
             what = "the motion alone cannot meet the goal"
             if clash.names:
                 *others, last = clash.names
-                what = f"no motion keeps {' and '.join(filter(None, (', '.join(others), last)))}{' together' * bool(others)}"
+                every = f"{', '.join(others)} and {last} together" if others else last
+                what = f"no motion keeps {every}"
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
             sizes = f", at the sizes made of {', '.join(clash.sizes)}" if clash.sizes else ""
