@@ -745,11 +745,11 @@ def contacts_of(
         return [found[0][1]]
     words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
     first = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
-    told = (
+    named = (
         one._replace(number=first[words[number]], told=words[number]) if number in words else one
         for number, one in found
     )
-    return sorted(told, key=lambda one: one.number or len(found))
+    return sorted(named, key=lambda one: one.number or len(found))
 
 
 def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
@@ -760,10 +760,11 @@ def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
 def _faces_shown(feature: Feature, named: tuple[Body, Body], shown: tuple[Body, Body]) -> tuple[Element, ...]:
     """Return the faces of bodies as they are shown that two faces on one another are of; none of other features.
 
-    `named`: the bodies that the feature names, as drawn.
+    `named`: the bodies that the feature names, as drawn. None of bodies of one part each: these share one piece.
     """
     sides = list(zip(named, shown, (feature.one, feature.two), strict=True))
-    if not all((body.triangles or len(body.parts) == 1) and element.kind == "F" for _, body, element in sides):
+    whole = any(body.triangles for body in shown) and all(body.triangles or len(body.parts) == 1 for body in shown)
+    if not whole or feature.kind != "F1F2":
         return ()
     rows = [rows_of_element(own, element)[:1] for own, _, element in sides]
     return tuple(Element("F", shown[k].faces[row]) for k, own in enumerate(rows) for row in own if all(rows))
