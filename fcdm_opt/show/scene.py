@@ -744,9 +744,9 @@ def contacts_of(
     if len(found) == 1:
         return [found[0][1]]
     words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
-    first = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
+    lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     named = (
-        one._replace(number=first[words[number]], told=words[number]) if number in words else one
+        one._replace(number=lowest[words[number]], told=words[number]) if number in words else one
         for number, one in found
     )
     return sorted(named, key=lambda one: one.number or len(found))
