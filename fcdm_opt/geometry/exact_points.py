@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, PointPiece
 from fcdm_opt.geometry.elements import Element, Elements
-from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
+from fcdm_opt.geometry.facet_errors import bounding_bodies, round_surfaces
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import cross, norms, units
 from fcdm_opt.geometry.patches import Patch, true_faces
@@ -78,8 +78,8 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    off = max(deviation_of(body))  # of edges, between corners of facets
-    width = math.sqrt(max(faces.room(near, point) ** 2 - off**2, 0.0))
+    off = max(faces.off_facets(k, point) for k in near)  # edges are those of facets
+    width = (1.0 - DEFAULT.touch) * math.sqrt(max(faces.room(near, point) ** 2 - off**2, 0.0))
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))
