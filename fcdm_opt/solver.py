@@ -167,6 +167,7 @@ def _answered(problem: Problem, how: _How) -> Solution:
 
 def _least(problem: Problem, how: _How) -> Solution:
     """Return the least solution, of true faces where one is found in time."""
+    watch = _Watch()
     wide, solution = has_round_faces(problem) and pacing.in_time(too_wide, problem, late=True), None
     if not wide:
         solution = _of_true_faces(problem, how)
@@ -184,6 +185,9 @@ def _least(problem: Problem, how: _How) -> Solution:
             why = "the only motion found brings facets together, and no true round faces"
             rest = Solution(problem=solution.problem, status=Status.NOT_FOUND, pair=solution.pair)
             solution = replace(rest, active=(why,), stage=solution.stage, seconds=solution.seconds)
+    if not solution.seconds:  # of closed forms
+        watch.lap("solve")
+        solution = replace(solution, seconds=watch.seconds)
     return solution
 
 

@@ -296,7 +296,7 @@ def pose_command(
     case: common.Cases = None,
 ) -> None:
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
-    from fcdm_opt.design.fixed_pose.best_pose import best_pose
+    from fcdm_opt.design.fixed_pose.best_pose import ONLY_CLEAR, best_pose
     from fcdm_opt.design.fixed_pose.clearances import clearances
     from fcdm_opt.design.sizes import size_box
     from fcdm_opt.show import tables
@@ -315,7 +315,7 @@ def pose_command(
             best = best_pose(problem, sizes=pairs, box=box, clearance=window)  # what it refuses is said first
         drawn = clearances(problem, sizes=pairs, box=box)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
-        yield "best pose", best, tables.print_said
+        yield "best pose", best, lambda own: tables.print_said(str(own).replace(ONLY_CLEAR, "--clearance 0,inf"))
         pose = best.parameters if best.transform is None else best.transform
         made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")

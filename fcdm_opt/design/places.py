@@ -71,9 +71,10 @@ def put(
         table = {key: inner for key, inner in tables.items() if key not in excluded}
         if not last:
             if item not in table and isinstance(place[k + 1], int):
-                what = f"nothing is given there{closest(str(item), tables)}"
-                allowed = f"{', '.join(map(str, tables)) or 'nothing'}; or the whole value"
-                raise InputError(what, key=written(place[: k + 1]), allowed=allowed)
+                key, what = written(place[: k + 1]), "an item of it is asked for, and the problem does not give it"
+                known = ", ".join(map(str, tables)) or "nothing"
+                allowed = f'{known}; or the whole value, with "{key}" as the key'
+                raise InputError(f"{what}{closest(str(item), tables)}", key=key, allowed=allowed)
             table[item] = changed(table.get(item, {}), k + 1)
         elif value is None:
             table.pop(item, None)

@@ -48,7 +48,7 @@ _EXCLUDED = {
     "pitch": ("pitch_per_deg", "pitch_per_rad"),
     "pitch_per_deg": ("pitch_per_rad", "pitch"),
     "pitch_per_rad": ("pitch_per_deg", "pitch"),
-    "file": ("vertices", "parts", "faces", "deviation", "facet_errors", "surfaces", "notes"),
+    "file": ("vertices", "parts", "faces", "deviation", "facet_errors", "surfaces", "rounding", "notes"),
     "each": ("along",),
     "along": ("each",),
 }

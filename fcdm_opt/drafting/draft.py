@@ -78,6 +78,7 @@ BECAUSE = {
 """Why a goal is proposed, by how the parts lie."""
 TOGETHER = "as drawn the parts touch at {}, and shifts restore them all"
 ONE_WAY = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
+SAME_DIRECTION = "as drawn the parts touch at {}, all of which face one way and are to touch again"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
     "A": "both parts made larger",
@@ -285,7 +286,8 @@ def _because(situation: Situation, choice: Choice) -> str:
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
-        why = ONE_WAY.format(_places(len(situation.places)), kept)
+        text = ONE_WAY if count < len(situation.places) else SAME_DIRECTION
+        why = text.format(_places(len(situation.places)), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
     touched = " ".join(situation.places).replace(" of radius ", " radius ")

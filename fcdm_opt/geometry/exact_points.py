@@ -7,6 +7,7 @@ and has its normal. Where bodies meet at such points, amounts are those of the t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -77,7 +78,8 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    width = faces.room(near, point)
+    off = max(faces.off_facets(k, point) for k in near)  # edges are those of facets
+    width = (1.0 - DEFAULT.touch) * math.sqrt(max(faces.room(near, point) ** 2 - off**2, 0.0))
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))

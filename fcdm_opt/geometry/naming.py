@@ -136,11 +136,9 @@ def told_element(body: Body, element: Element) -> str:
     body = body.full_body or body
     if body.exact is not None:
         rows, points = rows_of_element(body, element), body.vertices[np.array(element.vertices) - 1]
-        if body.piece_of(element) is not None:
-            return _rounded(names_of_rows(body.exact.facets)[rows[0]])
-        body = body.exact.facets
+        exactly, body = body.piece_of(element) is not None, body.exact.facets
         if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
-            if element.kind == "F":
+            if element.kind == "F" or exactly:
                 return told_element(body, Element("F", body.faces[rows[0]]))
             return _edge_or_corner(element.kind, [names_of_rows(body)[row] for row in rows], [*map(_place, points)])
     label, names = tuple(sorted(element.vertices)), described_faces(body)
@@ -160,7 +158,9 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
     body = body.full_body or body
     drawn = body if body.exact is None else body.exact.facets
     if (piece := body.piece_of(element)) is not None:
-        return [*piece.rows]
+        rows, arms = [*piece.rows], np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)
+        off = np.abs(piece.normals @ arms.T).max(axis=1, initial=0.0)  # of its corners from each of the true faces
+        return sorted(rows, key=lambda row: off[rows.index(row)] > DEFAULT.touch * body.size)
     if max(element.vertices) > len(drawn.vertices):
         corners, owners = drawn.face_triangles  # those that it is on or beside, the nearest first
         off = distances(body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None], corners)[:, 0]

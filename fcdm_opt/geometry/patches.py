@@ -259,6 +259,10 @@ class TrueFaces:
         off, own = self._distances(k, point)
         return int(self.rows[own[off.argmin()]])
 
+    def off_facets(self, k: int, point: Array) -> float:
+        """Return how far a point is from the facets of a patch."""
+        return float(self._distances(k, point)[0].min())
+
     def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""
         met, far = _lines(point[None], direction[None], self.corners)

@@ -35,6 +35,7 @@ FACETS = 100  # of the thickest of these, on which it starts
 DEEP = 0.9  # of the greatest depth, at points that may stand for it: well inside, not on an end face
 CORNERS = 16  # of what two solids have in common that it may start from, of each piece
 REMEMBERED = 64  # depths
+SHEET = 1e-6  # share of its surface from which on what is flush on a piece in common is told from rounding
 
 
 class SolidSurface:
@@ -310,7 +311,7 @@ class PlacedSolids:
     def common(self) -> list[tuple[Array, Ints]]:
         """Return the surface of each piece of what the solids have in common: corners, and triangles of these.
 
-        None of those that rounding makes of faces flush on one another.
+        Nothing as thin as what rounding makes of faces flush on one another, also where that joins pieces.
         """
         from manifold3d import Manifold, Mesh64, OpType
 
@@ -325,9 +326,15 @@ class PlacedSolids:
                 mesh = Mesh64(np.ascontiguousarray(points[used]), faces.reshape(-1, 3).astype(np.uint64))
                 pieces.append(Manifold(mesh))
             solids.append(Manifold.batch_boolean(pieces, OpType.Add) if len(pieces) > 1 else pieces[0])
-        meshes = [piece.to_mesh64() for piece in (solids[0] ^ solids[1]).decompose()]
-        found = [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
-        return [piece for piece in found if _thickness(piece) > DEFAULT.tie * self.size]
+        pieces = []
+        for piece in (solids[0] ^ solids[1]).decompose():
+            thick = piece
+            for step in DEFAULT.tie * self.size * np.eye(3):  # some axis leads out of a thin sheet
+                thick = thick ^ thick.translate(step)
+            with_sheets = thick.surface_area() < (1.0 - SHEET) * piece.surface_area()
+            pieces += thick.decompose() if with_sheets else [piece]
+        meshes = [piece.to_mesh64() for piece in pieces]
+        return [(np.asarray(own.vert_properties)[:, :3], np.asarray(own.tri_verts, np.int64)) for own in meshes]
 
     def _deepest_pieces(self) -> list[tuple[Array, Ints]]:
         """Return the pieces of what the solids have in common that are deepest in their middle, or the thickest."""

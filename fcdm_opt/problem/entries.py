@@ -126,6 +126,9 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "the round surfaces that faces stand for; without it those of a STEP file, or what facets are taken for",
         [{"origin": [0, 0, 0], "axis": [0, 0, 1], "line": [1, 0], "radius": 5.0, "faces": [1, 2]}],
     )
+    rounding: Length = declared(
+        0.0, "length >= 0 by which the digits of a file that the vertices were read from leave each of them open", 1e-5
+    )
     round: bool | None = declared(
         None,
         "whether facets stand for the cylinder, cone or sphere that their corners lie on (true) or are the true faces "
@@ -155,7 +158,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = self.model_fields_set
-        drawn, read = ["vertices", "parts", "faces", "triangles", "notes", "facet_errors", "surfaces"], ["file_unit"]
+        drawn = ["vertices", "parts", "faces", "triangles", "notes", "facet_errors", "surfaces", "rounding"]
+        read = ["file_unit"]
         (read if isinstance(self.deviation, float) else drawn).append("deviation")
         wrong = next((key for key in (drawn if self.file is not None else read) if key in given), None)
         if wrong and self.file is not None:
@@ -229,6 +233,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             drawn = [[tuple(label - 1 for label in own) for own in face] for face in self.triangles]
             body = replace(body, triangles=tuple(map(tuple, drawn)))
         told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
+        told["rounding"] = self.rounding
         if self.facet_errors is not None:
             errors = np.zeros((len(body.faces), 2))
             for face, *own in self.facet_errors:
@@ -263,7 +268,8 @@ class Bodies(Entry, title="Both bodies"):
 
 def plain_body(body: Body) -> dict[str, Any]:
     """Return a body as drawn, as plain data; `parts` only where the hull of all vertices would not do."""
-    more = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
+    more: dict[str, Any] = {"deviation": list(body.deviation) * any(body.deviation), "notes": list(body.notes)}
+    more["rounding"] = body.rounding
     if body.facet_errors is not None:
         rows = np.flatnonzero(body.facet_errors.any(axis=1)).tolist()
         more["facet_errors"] = [[row + 1, *body.facet_errors[row].tolist()] for row in rows]

@@ -38,6 +38,7 @@ AS_WIDE = 1e-6  # of a width: what lacks is where a search ended, and no dimensi
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
 MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
+LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
 fits, and meshes of round faces out of phase. Bodies that are apart by less are meant to touch."""
@@ -405,13 +406,26 @@ def verdict(scene: Scene) -> str:
 
 
 def sizes_that_lack(problem: Problem) -> list[str]:
-    """Return the sizes of the faces between which the parts made do not go together; none where no widths tell."""
-    found, names = misfit(problem), list[str]()
+    """Return the sizes by which the widths that do not go together change much; none where no widths tell."""
+    found, rates = misfit(problem), dict[str, float]()
     for own in (found, found and found.wider):
         for role, body, faces in zip(problem.drawn, drawn_bodies(problem), own.faces if own else (), strict=False):
             rows = [body.face_rows[face.vertices] for face in faces if face and face.vertices in body.face_rows]
-            names += [each.name for each in problem.sizes if each.body == role and each.offsets(body)[rows].any()]
-    return [*dict.fromkeys(names)]
+            for each in (size for size in problem.sizes if size.body == role):
+                rate = abs(float(each.offsets(body)[rows].sum()))
+                rates[each.name] = max(rate, rates.get(each.name, 0.0))
+    return [name for name, rate in rates.items() if rate > LEVER * max(rates.values())]
+
+
+def mending_turn(problem: Problem) -> Array | None:
+    """Return the direction about which a turn of the part brings two distances of round faces together, else None.
+
+    The lines between their axes then lie along each other, and are as long but for the play. None of motions that turn.
+    """
+    found, made = misfit(problem), (problem.movable, problem.static)
+    each = [_round_widths(problem, own, made, problem.target) for own in (found, found and found.wider) if own]
+    mended = each and all(own is not None and own.turned <= 0.0 for own in each) and not problem.motion.turning.any()
+    return each[0].axis if mended and each[0] else None
 
 
 def unlike_steps(scene: Scene) -> str:
@@ -481,7 +495,8 @@ def _in_words(problem: Problem, found: Misfit) -> str:
 def _drawn_width(problem: Problem, found: Misfit) -> float | None:
     """Return the width of two parts as drawn, where both have the same but for the digits of files."""
     drawn, scales = drawn_bodies(problem), problem.nominal_pair
-    widths, inside = _round_widths(problem, found, drawn, scales), found.inside
+    of_round, inside = _round_widths(problem, found, drawn, scales), found.inside
+    widths = of_round and of_round[:2]
     if widths is None:
         both, normal = list[float](), np.array(found.normal)
         for body, rho, side, own in zip(drawn, scales.tolist(), (1.0, -1.0), found.parts, strict=True):
@@ -498,12 +513,17 @@ def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
     None of other walls, and where the true faces would go together.
     """
     widths = _round_widths(problem, found, (problem.movable, problem.static), problem.target)
-    return widths if widths is not None and widths[0] > widths[1] else None
+    return widths[:2] if widths is not None and widths[0] > widths[1] else None
 
 
-def _round_widths(
-    problem: Problem, found: Misfit, bodies: tuple[Body, Body], scales: Array
-) -> tuple[float, float] | None:
+class _RoundWidths(NamedTuple):
+    inner: float
+    outer: float
+    turned: float  # by how much the inner one is wider once the lines between the axes lie along each other
+    axis: Array  # of the round walls, a unit vector
+
+
+def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], scales: Array) -> _RoundWidths | None:
     """Return the widths inside and outside of bodies at scales, None where neither wall is round, or one a cut.
 
     A wall reaches as far along a direction n as centre . n + radius, or - radius of a bore: round ones lack most along
@@ -546,7 +566,9 @@ def _round_widths(
     elif not flat and normal @ line > FEWEST_ROUND * long > least:
         normal = line / long
     widths = float(normal @ apart[0]) + thick[0], thick[1] - float(normal @ apart[1])
-    return widths[found.inside], -widths[1 - found.inside]
+    long, other = (float(norms(own - (own @ axes[0]) * axes[0])) for own in apart)
+    turned = np.inf if flat else abs(long - other) + sum(thick)
+    return _RoundWidths(widths[found.inside], -widths[1 - found.inside], turned, axes[0])
 
 
 def mating_cylinders(bodies: tuple[Body, Body]) -> list[tuple[Round, Round]]:

@@ -264,10 +264,13 @@ RESTORING_GOALS = (None, "at", "seat", "fit")
 
 def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made"."""
-    # and whose contacts go with the goals and the pair that restore them together
+    # and whose contacts go with the goals and the pair that restore them together, and clearance with what is "clear"
     given = {**defaults, **case}
     if "contacts" not in case and (given.get("goal") not in RESTORING_GOALS or given.get("pair") == "clear"):
         given.pop("contacts", None)
+    state = given.get("goal"), given.get("pair")
+    if "clearance" not in case and ("clear" not in state or "touch" in state):
+        given.pop("clearance", None)
     if "made" in given and not {"requirement", "target"} & given.keys() and "tolerance" not in case:
         given.pop("tolerance", None)
     return given
@@ -469,9 +472,13 @@ class ProblemFile(Entry, title="Problem file"):
         """Return what `Problem` makes of the arguments of each case, or of those wanted; contents come from `file`."""
         # `refused` gets the name of a case that cannot be made, and why; without it, that ends all
         cases = self.named_cases(file)
+        used = set[str]()
         for key, case in cases.items():  # what is wrong there is said before meshes are read
             with self._placing(case, key, file):
-                case.arguments(self.defaults)
+                used |= case.arguments(self.defaults).keys()
+        if self.defaults.clearance and "clearance" not in used:
+            what, allowed = "no case asks for this clearance", '0, or goal = "clear", or pair = "clear", of some case'
+            raise InputError(what, file=file, key="defaults.clearance", found=self.defaults.clearance, allowed=allowed)
         parts, made = self._parts(file), list[Made]()
         for key, case in cases.items():
             if wanted and case.name not in wanted:

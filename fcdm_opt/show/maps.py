@@ -13,7 +13,7 @@ from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.problem.problem import SCALES, SIGNS
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, ORANGE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.grids import units_over
-from fcdm_opt.show.lettering import INDENT, Sheet, literal
+from fcdm_opt.show.lettering import INDENT, Sheet, fitted, literal
 from fcdm_opt.show.plots import plane
 from fcdm_opt.show.printing import wrapped
 from fcdm_opt.show.texts import NOTHING, share_text
@@ -29,11 +29,14 @@ FINE, SHADES, LEVELS, TICKS, LISTED, SHARE = 240, 48, 10, 6, 12, 0.004
 """Points a side at which a map is drawn, shades and contours of the amount, ticks at their colours, regions that are
 listed, and the share of the box below which one gets no number in the picture."""
 
-CLEAR = 0.09
-"""Share of a side that an amount on a contour line keeps from what is marked, corners and other amounts."""
+WIDTH, MARK = 0.65, 9.0
+"""Of a digit, relative to its height; and how far an amount on a contour line keeps from what is marked, points."""
 
 MARGIN, BOTTOM, SIDE, GAP = 0.72, 0.38, 2.75, 0.18
 """Where the axes are, in inches from the lower left, how long a side of them all is, and what panels are apart."""
+
+UPRIGHT = 0.4
+"""Inches more below panels: there is no room for their numbers side by side."""
 
 HIGHEST, WIDEST, NAMED = 1.18, 1.25, 22
 """How far the axes go, relative to the highest bar and to a share of 1: room for the words there; and letters beside
@@ -61,12 +64,10 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
     """
     kind = {1: "sizes", 2: "pairs"}.get(len(sizes.box), "sets of sizes")
     below = "; ".join([*_signs(sizes), f"{sizes.solved} {kind} solved and judged, largest error {sizes.error_text}"])
-    sheet = Sheet.of(PAGE, 3.2, title=title, caption=below)
-    named = zip(sizes.over, units_over(sizes), sizes.scaled, strict=True)
-    labels = [
-        literal(f"{name} (1 as drawn)" if scale else f"{name} (off drawn{f', {unit}' if unit else ''})")
-        for name, unit, scale in named
-    ]
+    several = len(sizes.box) > 2
+    sheet = Sheet.of(PAGE, 3.2 + UPRIGHT * several, title=title, caption=below)
+    named = zip(sizes.over, _units_at(sizes), strict=True)
+    labels = [literal(name if several else f"{name} ({what})") for name, what in named]
     _draw_curve(sheet, sizes, labels[0]) if len(labels) == 1 else _draw_panels(sheet, sizes, labels)
     lines = []
     for number, region in enumerate(sizes.regions[:LISTED], 1):
@@ -78,18 +79,24 @@ def map_figure(sizes: CompensationMap, problem: Scene | None = None, *, title: s
         lines.append(f"{INDENT}{region if problem is None else labels_in_words(str(region), problem)}")
     if len(sizes.regions) > LISTED:
         lines.append(f"and {len(sizes.regions) - LISTED} more")
-    sheet.list(4.42, 3.13, PAGE - 4.42 - 0.1, lines)
+    sheet.list(4.42, sheet.size[1] - 0.07, PAGE - 4.42 - 0.1, lines)
     return sheet.figure
+
+
+def _units_at(sizes: CompensationMap) -> list[str]:
+    """Return what the numbers at an axis are, for each size."""
+    units = (f", {unit}" if unit else "" for unit in units_over(sizes))
+    return ["1 as drawn" if scale else f"off drawn{unit}" for unit, scale in zip(units, sizes.scaled, strict=True)]
 
 
 def _signs(sizes: CompensationMap) -> list[str]:
     """Return what stands for what in the picture, of that which is there."""
     scales, box = sizes.over == SCALES, np.asarray(sizes.box)
     top, constant = max((own.amounts[1] for own in sizes.regions), default=0.0), _constant(sizes)
+    numbers = " or ".join(dict.fromkeys(_units_at(sizes)))
     plane, several, inside = len(box) == 2, len(box) > 2, _within(sizes.nominal, box)
     signs = {
-        "each panel: two sizes, all others as at the star": several and inside,
-        "each panel: two sizes, all others in the middle": several and not inside,
+        f"each panel: two sizes ({numbers}), all others {'as at the star' if inside else 'in the middle'}": several,
         f"one amount everywhere: {measured(top, sizes.unit, 4)}": constant,
         "thin lines: equal amounts": len(box) > 1 and top > 0.0 and not constant,
         f"star: {'nominal sizes' if scales else 'as drawn'}": inside,
@@ -135,18 +142,24 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     """Draw the amount over two sizes, or a slice for each two of more."""
     box, last = np.asarray(sizes.box), len(labels) - 1
     middle = np.asarray(sizes.nominal) if _within(sizes.nominal, box) else box.mean(axis=1)
-    side = (SIDE - (last - 1) * GAP) / last
+    side, foot = (SIDE - (last - 1) * GAP) / last, BOTTOM + UPRIGHT * (last > 1)
     panels = []
     for pair in combinations(range(last + 1), 2):
         ends, (i, j) = box[list(pair)], pair
-        axes = sheet.axes(MARGIN + i * (side + GAP), BOTTOM + (last - j) * (side + GAP), side, side)
+        axes = sheet.axes(MARGIN + i * (side + GAP), foot + (last - j) * (side + GAP), side, side)
         plane(axes, ends + np.outer(0.04 * np.ptp(ends, axis=1), [-1.0, 1.0]))
         axes.grid(visible=False)
         if sizes.over != SCALES:
-            axes.set(xlabel=labels[i] if j == last else "", ylabel=labels[j] if i == 0 else "")
+            lines = [fitted(sheet.figure, labels[k], NOTE, side) if last > 1 else [labels[k]] for k in pair]
+            x, y = ("\n".join(own if len(own) < 3 else [own[0], f"{own[1]} ..."]) for own in lines)
+            axes.set(xlabel=x if j == last else "", ylabel=y if i == 0 else "")
         if last > 1:
-            axes.locator_params(nbins=3)
+            axes.locator_params(nbins=3 if last < 4 else 2)
             axes.tick_params(labelbottom=j == last, labelleft=i == 0)
+            axes.tick_params("x", labelrotation=90)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.labelpad = 1.5
+                axis.label.set_fontsize(NOTE)
         grid = np.meshgrid(*(np.linspace(low, high, FINE // last) for low, high in ends))
         points = sizes.at(*(grid[pair.index(k)] if k in pair else middle[k] for k in range(last + 1)))
         panels.append((axes, pair, grid, np.ma.masked_invalid(points.amount), points.region))
@@ -170,7 +183,7 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
             axes.text(*own.place, str(number), **NUMBER)
     if filled is None or _constant(sizes):
         return
-    bar = sheet.axes(MARGIN + SIDE + 0.08, BOTTOM, 0.09, SIDE)
+    bar = sheet.axes(MARGIN + SIDE + 0.08, foot, 0.09, SIDE)
     sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(top, TICKS))
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
@@ -197,7 +210,7 @@ def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float, marked: list[
     """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any.
 
     Where it is known which places are marked, each piece of a line has its amount written on it, where it is farthest
-    from these, the edges, and amounts written before.
+    from these, the edges, and amounts written before, if it covers none of these.
     """
     from matplotlib.patches import Rectangle
     from matplotlib.patheffects import withStroke
@@ -211,15 +224,19 @@ def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float, marked: list[
                          zorder=2)  # fmt: skip
     if marked is None:
         return filled
-    taken = [(place - low) / (high - low) for place in (*marked, *product(*box))]
-    begins = [(own.vertices, np.flatnonzero(own.codes == own.MOVETO)) for own in lines.get_paths() if len(own.vertices)]
-    for piece in [piece for points, first in begins for piece in np.split(points, first[1:])]:
-        spots = (piece - low) / (high - low)
-        room = np.linalg.norm(spots[:, None] - taken, axis=2).min(axis=1)
-        room = np.minimum(room, 2.0 * np.minimum(spots, 1.0 - spots).min(axis=1))
-        if room.max() >= CLEAR:
-            taken.append(spots[room.argmax()])
-    places = [tuple(low + spot * (high - low)) for spot in taken[len(marked) + 4 :]]
+    point = 1.0 / (72.0 * SIDE)
+    taken = [((place - low) / (high - low), MARK * point) for place in (*marked, *product(*box))]
+    given = len(taken)
+    for level, own in zip(lines.levels, lines.get_paths(), strict=True):
+        half = (0.5 * WIDTH * len(f"{level:.3g}") + 1.0) * NOTE * point  # however it is turned
+        first = np.flatnonzero(own.codes == own.MOVETO) if len(own.vertices) else ()
+        for piece in np.split(own.vertices, first)[1:]:
+            spots = (piece - low) / (high - low)
+            room = np.min([np.linalg.norm(spots - place, axis=1) - size for place, size in taken], axis=0)
+            room = np.minimum(room, 2.0 * np.minimum(spots, 1.0 - spots).min(axis=1))
+            if room.max() >= half:
+                taken.append((spots[room.argmax()], half))
+    places = [tuple(low + spot * (high - low)) for spot, _ in taken[given:]]
     for text in axes.clabel(lines, fmt="%.3g", fontsize=NOTE, inline_spacing=2, manual=places) if places else ():
         text.set(color=BLACK, alpha=1.0, path_effects=[withStroke(linewidth=1.6, foreground="white")])
     return filled

@@ -19,6 +19,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import unit_normals
+from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
@@ -73,8 +74,8 @@ MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, t
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
-OVERLAP, CUT = "where they overlap", "cut open"
-"""What the key calls it, and how it begins to tell where bodies are cut."""
+OVERLAP, MET, CUT = "where they overlap", "in contact", "cut open"
+"""What the key calls these, and how it begins to tell where bodies are cut."""
 
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
@@ -110,7 +111,7 @@ def scene_figure(
     insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
     names = [body.name for body in (*shown.bodies, *shown.keep_out)]
-    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + bool(contacts) + (moved is not None and not insets)
+    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + 2 * bool(contacts) + 2 * (moved is not None)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
@@ -282,7 +283,7 @@ def _draw_parts(sheet: Sheet, area: tuple[float, float, float, float], parts: Sh
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
             arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
     if parts.contacts:
-        _draw_contacts(axes, page, raster, parts.contacts, "in contact", cut, arrows)
+        _draw_contacts(axes, page, raster, parts.contacts, cut, arrows)
     draw_directions(sheet, axes, shown, (0.0, 0.0), parts.unit)
     return axes, cut
 
@@ -402,7 +403,7 @@ def draw_scene(
         arrow = _draw_arrow(axes, [raster, place], shown, old, said)
         _name_old(axes, raster, dashes, (old.vertices - one.vertices) @ page, arrow)
     if contacts:
-        _draw_contacts(axes, page, raster, contacts, "in contact" if moved is not None else "intended contact", cut)
+        _draw_contacts(axes, page, raster, contacts, cut)
     return axes
 
 
@@ -580,9 +581,8 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body,
 
 
 def _draw_contacts(
-    axes: Any, page: Array, raster: Raster, contacts: Sequence[Touching], label: str, cut: Cut | None,
-    clear: Sequence[Array] = (),
-) -> None:  # fmt: skip
+    axes: Any, page: Array, raster: Raster, contacts: Sequence[Touching], cut: Cut | None, clear: Sequence[Array] = ()
+) -> None:
     """Draw where two bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`."""
     from scipy.ndimage import gaussian_filter
 
@@ -591,8 +591,11 @@ def _draw_contacts(
     toward, solid = np.cross(page[:, 0], page[:, 1]), []
     if cut is not None:  # of areas lines are seen, of lines points
         met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
-        few = len(contacts) <= MOST_TOLD or not any(met)
-        rest = [own or cut.behind(each.pieces)[: None if few else 0] for own, each in zip(met, contacts, strict=True)]
+        opened = {each.number for own, each in zip(met, contacts, strict=True) if own}
+        rest = [
+            own or ([] if each.number in opened and len(contacts) > MOST_TOLD else cut.behind(each.pieces))
+            for own, each in zip(met, contacts, strict=True)
+        ]
         seen = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
         contacts = seen or contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
@@ -605,7 +608,7 @@ def _draw_contacts(
             axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=3.0, zorder=4)
         else:
             axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
-    colour, label = contacts[0].colour, label if contacts[0].across is None else OVERLAP
+    colour, label = contacts[0].colour, MET if contacts[0].across is None else OVERLAP
     areas.fill(solid, colour, 0)
     if areas.covered.any():
         rows, columns = areas.covered.shape
@@ -726,10 +729,13 @@ def contacts_of(
     features, bodies = [*counted], shown.named or shown.bodies
     met = [(contact.feature, own) for contact, own in pacing.in_time(touching, curve, rho, late=())]
     near = 1e-6 * max(body.size for body in bodies)
-    whole = {feature: _shared_by_faces(feature, bodies) for feature, _ in met}
-    made = {feature: [Touching.of(feature, list(own), *bodies)] for feature, own in whole.items() if len(own)}
-    for feature, corners in sorted(met, key=lambda own: own[0] not in features):
-        if len(whole[feature]):
+    met.sort(key=lambda own: own[0] not in features)
+    faces = {feature: _faces_shown(feature, (curve.movable, curve.static), shown.bodies) for feature, _ in met}
+    first = {both: feature for feature, both in reversed(faces.items()) if both}
+    shared = {feature: _shared(both, shown.bodies, near) for both, feature in first.items()}
+    made = {feature: [Touching.of(feature, list(own), *bodies)] for feature, own in shared.items() if len(own)}
+    for feature, corners in met:
+        if first.get(faces[feature]) in made:
             continue
         if all(np.linalg.norm(corners.mean(axis=0) - one.middle) > near for own in made.values() for one in own):
             made.setdefault(feature, []).append(Touching.of(feature, [corners], *bodies))
@@ -738,11 +744,12 @@ def contacts_of(
     if len(found) == 1:
         return [found[0][1]]
     words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
-    first = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
-    return [
-        one._replace(number=first[words[number]], told=words[number]) if number in words else one
-        for number, one in sorted(found, key=lambda own: own[0])
-    ]
+    lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
+    named = (
+        one._replace(number=lowest[words[number]], told=words[number]) if number in words else one
+        for number, one in found
+    )
+    return sorted(named, key=lambda one: one.number or len(found))
 
 
 def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
@@ -750,17 +757,29 @@ def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
     return [*dict.fromkeys(f"{each.number} {each.told}" for each in contacts if each.told)]
 
 
-def _shared_by_faces(feature: Feature, bodies: tuple[Body, Body]) -> Array:
-    """Return triangles that make up what two faces on one another share, (t, 3, 3); none of others, and of one part."""
+def _faces_shown(feature: Feature, named: tuple[Body, Body], shown: tuple[Body, Body]) -> tuple[Element, ...]:
+    """Return the faces of bodies as they are shown that two faces on one another are of; none of other features.
+
+    `named`: the bodies that the feature names, as drawn. None of bodies of one part each: these share one piece.
+    """
+    sides = list(zip(named, shown, (feature.one, feature.two), strict=True))
+    whole = any(body.triangles for body in shown) and all(body.triangles or len(body.parts) == 1 for body in shown)
+    if not whole or feature.kind != "F1F2":
+        return ()
+    rows = [rows_of_element(own, element)[:1] for own, _, element in sides]
+    return tuple(Element("F", shown[k].faces[row]) for k, own in enumerate(rows) for row in own if all(rows))
+
+
+def _shared(faces: tuple[Element, ...], shown: tuple[Body, Body], near: float) -> Array:
+    """Return triangles that make up what two faces share, (t, 3, 3), where they lie in a plane, as near to it."""
     from manifold3d import CrossSection, FillRule, triangulate
 
-    sides = list(zip(bodies, (feature.one, feature.two), strict=True))
-    if not all(body.triangles and element.kind == "F" for body, element in sides):
+    polygons = [face_polygons(body, face) for body, face in zip(shown, faces, strict=True)]
+    origin, normal = polygons[0][0][0], unit_normals(polygons[0][0][None])[0]
+    if np.abs((np.concatenate([*polygons[0], *polygons[1]]) - origin) @ normal).max() > near:  # exact, of round faces
         return np.empty((0, 3, 3))
-    faces = [face_polygons(body, element) for body, element in sides]
-    origin, normal = faces[0][0][0], unit_normals(faces[0][0][None])[0]
     flat = np.linalg.svd(normal[None])[2][1:]
-    one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in faces)
+    one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in polygons)
     outlines = (one ^ two).to_polygons()
     if not outlines:
         return np.empty((0, 3, 3))

@@ -143,21 +143,26 @@ class Cut(NamedTuple):
     def through(cls, contacts: Sequence[Touching], bodies: Sequence[Body], page: Array) -> tuple[Cut | None, float]:
         """Return the plane through the middle of a contact that meets the largest share of them, and that share.
 
-        Of those across the first contact; None where each leaves but a sliver of some body.
+        Those of one number are one contact; of planes that meet as many, the one that meets most of their areas. Of
+        those across the first contact; None where each leaves but a sliver of some body.
         """
-        first, found = contacts[0], list[tuple[float, Cut]]()
+        first, found = contacts[0], list[tuple[float, float, Cut]]()
+        numbers = np.array([each.number or -k for k, each in enumerate(contacts, 1)])
+        each_once = numbers == np.unique(numbers)[:, None]
         facing, _ = section_plane(first.normal, np.zeros(3), page)
         for step in (np.zeros(3), facing):
             facing, plane = section_plane(first.normal, step, page)
             ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
             levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
-            met = ((ends[:, :1] <= levels) & (levels <= ends[:, 1:])).mean(axis=0)
-            level = levels[met.argmax()] + BESIDE * max(body.size for body in bodies)
+            within = (ends[:, :1] <= levels) & (levels <= ends[:, 1:])
+            met, areas = (each_once[:, :, None] & within).any(axis=1).mean(axis=0), within.mean(axis=0)
+            best = np.lexsort((areas, met))[-1]
+            level = levels[best] + BESIDE * max(body.size for body in bodies)
             point = first.middle + (level - first.middle @ facing) * facing
             depths = [-(body.vertices - point) @ facing for body in bodies]
             if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):
-                found.append((float(met.max()), cls(point, facing, plane)))
-        share, cut = max(found, key=lambda own: own[0], default=(0.0, None))
+                found.append((float(met[best]), float(areas[best]), cls(point, facing, plane)))
+        share, _, cut = max(found, key=lambda own: own[:2], default=(0.0, 0.0, None))
         return cut, share
 
     def behind(self, shapes: Sequence[Array], side: float = 1.0) -> list[Array]:

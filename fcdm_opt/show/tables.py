@@ -23,6 +23,7 @@ from fcdm_opt.show.texts import (
     bound_line,
     bound_text,
     goal_text,
+    listed,
     motion_text,
     outcome_text,
     seen_amount,
@@ -211,7 +212,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
                 ends.append("a condition touches zero at rest: what is near there is not proved")
             asked = problem if isinstance(times, str) else cast("Problem", times.problem)
             if opening := [name for name, x in (asked.made or {}).items() if x != (problem.made or {}).get(name, 0.0)]:
-                ends.append(f"{' and '.join(opening)} as drawn: made, no such contact is there without a motion")
+                ends.append(f"followed with {listed(opening)} as drawn: as made there is no such contact at rest")
         else:
             assert not isinstance(times, str)
             problem, direction, ends = cast("Problem", times.problem), times.direction, []
@@ -305,8 +306,11 @@ def print_budgets(budgets: Budgets) -> None:
     for budget in budgets.values():
         if budget.tolerance or budget.end.name == "TIME":
             reasons.setdefault(budget.reason, []).append(budget.requirement)
-    notes = [f"{one.requirement}: {one.corner}" for one in budgets.values() if one.corner]
-    notes += [f"{one.requirement}: {one.sizes_text(DIGITS)}" for one in budgets.values() if one.sizes and one.tolerance]
+    notes = []
+    for one in budgets.values():
+        sizes = one.sizes_text(DIGITS) if one.sizes and one.tolerance else ""
+        if text := ", within ".join(filter(None, (one.corner, sizes))):
+            notes.append(f"{one.requirement}: {text}")
     notes += [budgets.open_text] * bool(budgets.open_text)
     notes += [
         f"{each.requirement}, {'above' if each.bracket[1] else 'as drawn'}: {each.advice}"

@@ -270,12 +270,19 @@ def advised(case: SolvedCase) -> str:
 
 
 def _with_sizes(solution: Solution) -> str:
-    """Return the advice of an answer, and where widths do not go together that is proved: their sizes, not limits."""
-    from fcdm_opt.problem.fit import sizes_that_lack
+    """Return the advice of an answer; where widths do not go together that is proved, what mends them, not limits."""
+    from fcdm_opt.motion.motions import Rotation
+    from fcdm_opt.problem.fit import mending_turn, sizes_that_lack
 
-    if not IMPOSSIBLE.search(solution.advice) or not (names := sizes_that_lack(solution.problem)):
+    if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
-    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: change {' or '.join(names)}.", solution.advice)
+    names, axis = sizes_that_lack(solution.problem), mending_turn(solution.problem)
+    cures = [f"change {' or '.join(names)}"] * bool(names)
+    if axis is not None:
+        cures.append(f"allow a turn about {Rotation(tuple(axis.tolist())).told_line(1.0).lstrip('+-')}")
+    if not cures:
+        return solution.advice
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {', or '.join(cures)}.", solution.advice)
 
 
 def _unfit(problem: Problem) -> str:

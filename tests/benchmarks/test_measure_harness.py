@@ -16,7 +16,7 @@ from fcdm_opt.curve import kernels
 from fcdm_opt.errors import InputError
 from fcdm_opt_benchmarks import timing
 from fcdm_opt_benchmarks.chart import bench, results
-from fcdm_opt_benchmarks.chart.figures import BAND, chart_figure, overview_figure, strongest
+from fcdm_opt_benchmarks.chart.figures import BAND, COLOURS, Look, chart_figure, overview_figure, strongest
 from fcdm_opt_benchmarks.comparing import compared
 from fcdm_opt_benchmarks.method import Failure, Method
 from fcdm_opt_benchmarks.record import BenchRun, Load, Watch, table
@@ -319,6 +319,18 @@ def test_a_motion_less_than_the_reference_is_a_fault_of_ours():
     assert bench.wrong(run(chart=[below], faults=[]))
     assert "REFERENCE WRONG" in results.summary(run(chart=[below], faults=[]))
     assert not bench.wrong(run(chart=[below | {"below": 0}], faults=[]))
+
+
+def test_a_rival_that_is_added_was_named_nowhere():
+    """Beside ours and a known one that is better, and in its own colour."""
+    known = [row("kernel", "ours", 1e-5, 1e-15), row("search", "coal", 2e-5, 1e-12)]
+    found = run(chart=[*known, row("mine", "own", 4e-5, 1e-7), row("coarse", "own", 1e-6, 1e-2)], faults=[])
+    told = results.summary(found)
+    assert "mine (added) is within 1e-06 in 1 of 1 scenes: 4e-05 s, 1e-07, 4 times our time." in told
+    assert "coarse (added) is within 1e-06 in 0 of 1 scenes." in told
+    figure = overview_figure(found)
+    assert {"mine", "coarse"} <= {text.get_text() for axes in figure.axes for text in axes.texts}
+    assert Look.of("mine", "own").colour not in COLOURS.values()
 
 
 # ------------------------------------------------------------------------------------------------- files and comparison

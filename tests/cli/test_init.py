@@ -136,6 +136,22 @@ def test_a_block_in_a_corner_of_three_walls_is_to_touch_them_all(tmp_path: Path)
         assert list(solve(problem).parameters.values()) == pytest.approx([shift] * 3, rel=1e-9)
 
 
+def test_shoulders_that_are_all_kept_were_said_not_to_be_restored_all(tmp_path: Path) -> None:
+    """A tongue in its groove, with a shoulder on either side: both face one way."""
+    import trimesh
+
+    def block(*bounds: Any) -> Any:
+        return trimesh.creation.box(bounds=bounds)
+
+    rail = block((-25, -40, -20), (25, 40, 0)).difference(block((-6.1, -50, -6.3), (6.1, 50, 10)))
+    slide = block((-20, -25, 0), (20, 25, 10)).union(block((-6, -25, -6), (6, 25, 1)))
+    for name, mesh in (("rail", rail), ("slide", slide)):
+        mesh.export(tmp_path / f"{name}.off")
+    text, _ = drafted(tmp_path / "slide.off", tmp_path / "rail.off", tmp_path)
+    assert "the parts touch at 2 places, all of which face one way and are to touch again, and along" in text
+    assert "no shift restores all of them" not in text
+
+
 def test_a_drawer_that_fills_its_cabinet_is_seated_on_its_floor(tmp_path: Path) -> None:
     # it cannot stay on all four walls, and "seat" where all their lines meet made a smaller one impossible
     import trimesh

@@ -210,7 +210,10 @@ def test_pairs_beyond_the_maps_ends_were_counted_as_failing():
     assert near(found.interval[1], 5 / 6, FEW)
     assert found.counts.sum() == found.passed == round(found.share * (1.0 - found.outside) * FEW)
     assert 0.9 < sum(own.first_order for own in found.contributions) < 1.1
-    assert all(word in str(found) for word in ("beyond the map's ends", "impossible", "pass"))
+    told = str(found)  # of what was a share was hard to tell: "95 % sure", "beyond the map's ends, where they may ..."
+    assert " pairs pass (a motion of at most 9); of all such pairs " in told
+    assert f"pass (95 % confidence), whether or not the {found.outside:.4%} beyond the map's ends do; " in told
+    assert "have no motion" in told
     nowhere = assembly_yield(own, sizes=(Uniform(2.0, 3.0), Uniform(2.0, 3.0)), budget=9.0, count=100)
     assert math.isnan(nowhere.share)
     assert (nowhere.interval, nowhere.outside, nowhere.impossible) == ((0.0, 1.0), 1.0, 0.0)

@@ -401,5 +401,6 @@ def test_the_worst_corner_left_out_the_contact_with_more_gap() -> None:
     worst, high, more = str(found).splitlines()
     assert worst.startswith("worst (the sizes with the least gap at rest): up to 0.3 (")
     assert high.startswith("high (all sizes at their largest): up to 0.3 (proved: ")
-    assert more.startswith("of these corners alone: other sizes within the tolerances may need more, or have no motion")
+    assert more.startswith("each line is of its own corner alone, at which all sizes are off at once; all of them are ")
+    assert "are good up to 0.3 together, and sizes that are at no corner may need more" in more
     assert found["worst"].to_dict()["corner"] == "the sizes with the least gap at rest"

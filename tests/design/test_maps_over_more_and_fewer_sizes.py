@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from picture_checks import check_texts
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -65,6 +66,17 @@ def test_a_map_over_one_and_over_three_sizes_was_refused(
     assert len(figure.axes) == (1 if count == 1 else comb(count, 2) + 1)
     (grid,) = grids(found, problem, lines=3)
     assert (len(grid.rows), len(grid.columns)) == (3 ** max(count - 1, 1), 1 if count == 1 else 3)
+
+
+def test_names_and_numbers_of_panels_side_by_side_stood_on_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fcdm_opt.design.compensation.refined_mesh.GRID", (0.0, 1.0))
+    sizes = [fo.Size(name, "movable", faces=name[-2:], tolerance=(-0.027, 0.04)) for name in
+             ("how far the side is off -y", "side +y", "a long name of the bottom -z", "top +z")]  # fmt: skip
+    problem = before_a_wall()
+    found = fo.compensation_map(problem.changed(sizes=[*problem.sizes[:1], *sizes]), error=1.0)
+    figure = map_figure(found, problem)
+    assert len(figure.axes) == comb(5, 2) + 1
+    check_texts(figure)
 
 
 def test_the_axes_of_a_flat_map_ran_to_negative_amounts() -> None:

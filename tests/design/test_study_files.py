@@ -114,8 +114,8 @@ def test_a_value_is_put_on_a_copy_that_shares_the_rest() -> None:
         ("target[3]", r"target\[3\]: no such item; allowed: 1 to 2"),
         ("limits[1]", "limits: there is no list here"),
         ("target.x", "target: there is no table here"),
-        ("motion[1].axis.x[1]", r"motion\[1\].axis.x: nothing is given there"),
-        ("targt[1]", "targt: nothing is given there, did you mean 'target'"),
+        ("motion[1].axis.x[1]", r"motion\[1\].axis.x: an item of it is asked for, and"),
+        ("targt[1]", "targt: an item of it is asked for, and the problem does not give it, did you mean 'target'"),
     ],
 )
 def test_a_way_that_ends_is_named(text: str, said: str) -> None:
@@ -673,7 +673,7 @@ WRONG = [
     ('[[vary]]\nkey = "limts.TZ"\nvalues = [[-1, 1]]', "unknown key 'limts', did you mean 'limits'"),
     ('[[vary]]\nkey = "limits.TY"\nvalues = [[-1, 1]]', r"vary\[1\].*no such parameter; found 'TY'; allowed: TZ"),
     ('[[vary]]\nkey = "motion[3].pitch"\nvalues = ["free"]', r"vary\[1\].*motion\[3\]: no such item; allowed: 1 to 2"),
-    ('[[vary]]\nkey = "tolerance[1]"\nvalues = [0.1]', r"vary\[1\].*tolerance: nothing is given there"),
+    ('[[vary]]\nkey = "tolerance[1]"\nvalues = [0.1]', r"vary\[1\].*tolerance: an item of it is asked for, and the"),
     ('[[vary]]\nkey = "bodies.movable.vertices[9][1]"\nvalues = [0.1]',
      r"vertices\[9\]: no such item; allowed: 1 to 8"),
     ('[[vary]]\nkey = "bodies.movable.vertces"\nvalues = [[]]', "unknown key 'vertces', did you mean 'vertices'"),
@@ -735,7 +735,7 @@ WRONG = [
     ('derive = { snap = "1" }\n[[vary]]\nkey = "snap"\nvalues = [1e-6]', "derive.'snap': a key is given twice"),
     ('[[vary]]\nkey = ["target[1]", "requirement", "tolerance"]\nvalues = [[1, "A", 0.1]]',
      "these keys exclude each other"),
-    ('[[vary]]\nkey = "bodies.static.seed[1]"\nvalues = [0.1]', "bodies.static.seed: nothing is given there"),
+    ('[[vary]]\nkey = "bodies.static.seed[1]"\nvalues = [0.1]', "bodies.static.seed: an item of it is asked for"),
     ('[[vary]]\nkey = "keep_out.rib.scale"\nvalues = [1]', r"vary\[1\].*keep-outs are counted"),
     (f'[[vary]]\nkey = "{"a." * 140}a"\nvalues = [1]', r"vary\[1\].key: no problem is that deep"),
     (f'[[vary]]\nkey = "{"a" * 1000}"\nvalues = [1]', r"vary\[1\].key: not a place"),

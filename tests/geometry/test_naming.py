@@ -185,6 +185,19 @@ def test_corners_of_bodies_with_many_were_told_by_numbers_that_nothing_lists() -
     assert all(word.startswith(("corner at (", "edge between ")) or word == "bore of radius 0.5" for word in words)
 
 
+def test_the_plane_face_of_a_piece_at_the_rim_of_a_bore_was_told_as_the_bore() -> None:
+    """The top about a bore: a third contact was told, and numbered, between a foot on it and the bore."""
+    plate = cut(Box((30, 30, 6), centre=(0, 0, -3)), Cylinder(4.0, 8.0, base=(0, 0, -7)))
+    exact = exact_at(plate, [(4.0, 0.0, 0.0)])
+    assert exact is not None
+    assert exact.exact is not None
+    (piece,) = exact.exact.pieces
+    own = [element for element in exact.parts[-1].elements["F"] if piece.first <= min(element.vertices)]
+    level = [face for face in own if not exact.vertices[np.array(face.vertices) - 1, 2].any()]
+    assert [told_element(exact, face) for face in level] == ["top face (facing +z)"]
+    assert {told_element(exact, face) for face in own if face not in level} == {"bore of radius 4"}
+
+
 def test_a_part_cut_anew_for_its_sizes_lost_its_round_faces() -> None:
     plate = cut(Box((30, 30, 6)), *(Cylinder(r, 10, base=(x, 0, -5), facets=12) for x, r in ((-7, 3), (7, 4))))
     again = _by_features(plate, 0)

@@ -351,3 +351,20 @@ def test_of_parts_flush_and_overlapping_slivers_of_the_flush_faces_were_drawn(tm
     assert np.ptp(corners[:, 2]) == pytest.approx(4.0, abs=1e-6)
     assert 0.9 * 0.0448 < np.linalg.norm(np.diff(overlap.across, axis=0)) < 0.0451
     assert (np.abs(overlap.across[:, 2] - 32.0) < 1.9).all()  # on no end face: a cut there showed one part alone
+
+
+def test_overlap_of_a_dowel_was_drawn_all_along_the_flush_face_beside_it():
+    """A dowel .05 aside in its bore, .03 deep: rounding left a sheet of the flush faces in one piece with that."""
+    dowel = trimesh.creation.cylinder(3.99, sections=48, segment=((0, 0, -7), (0, 0, 3)))
+    plate = trimesh.creation.box(bounds=((-30, -12, 0), (30, 12, 6)))
+    hole = trimesh.creation.cylinder(4.01, sections=48, segment=((0, 0.05, -20), (0, 0.05, 20)))
+    base = trimesh.creation.box(bounds=((-50, -25, -12), (50, 25, 0)))
+    bodies = [
+        fo.Body.from_mesh(np.array(mesh.vertices), np.array(mesh.faces))
+        for mesh in (plate.union(dowel), base.difference(hole))
+    ]
+    for tilt in (0.0, 0.3):  # about x: the sheet may lie aslant
+        turn = trimesh.transformations.rotation_matrix(tilt, (1, 0, 0))
+        overlap = Touching.overlap(*(body.moved(turn) for body in bodies))
+        assert np.ptp(np.vstack(overlap.pieces)[:, 0]) < 2 * 3.99
+        assert 0.8 * 0.03 < np.linalg.norm(np.diff(overlap.across, axis=0)) < 0.0301

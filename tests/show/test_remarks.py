@@ -103,3 +103,24 @@ def test_sizes_without_a_part_in_the_least_gap_stood_beside_those_with_one_witho
     word = "without a part in the least gap"
     assert sum(word in text for text in remarks(fo.solve(asked))) == 1
     assert not [text for text in remarks(fo.solve(asked.changed(made={"x": 0.02, "y": 0.02}))) if word in text]
+
+
+def test_a_distance_of_pins_that_only_a_turn_or_the_size_beside_it_mends_was_answered_by_the_spacing() -> None:
+    """Pins of 9.9 in bores of 10, 40 apart, one .12 aside, across: 40.0002 in 40 once turned, spacing does nothing."""
+    pins = [fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20)]
+    base = fo.joined(fo.Box((60, 40, 8), centre=(0, 0, -9), name="base"), *pins)
+    plate = fo.cut(fo.Box((60, 40, 8), name="plate"), *(fo.Cylinder(5, 30, base=(x, 0, -15)) for x in (-20, 20)))
+    sizes = [
+        fo.Size(name, "static", faces=["cylinder radius 4.95 no. 2"], along=along, tolerance=0.3)
+        for name, along in (("spacing", "x"), ("aside", "y"))
+    ]
+    asked = {"sizes": sizes, "goal": "clear", "motion": fo.Translation("x") >> fo.Translation("y")}
+    asked["limits"] = {"TX": (-0.5, 0.5), "TY": (-0.5, 0.5)}
+    for made in (0.12, 0.22):
+        solution = fo.solve(fo.Problem(plate, base, made={"aside": made}, **asked))
+        assert solution.status is Status.INFEASIBLE
+        cure = "change aside, or allow a turn about z"
+        assert advised(SolvedCase(solution)) == f"Proved impossible with this motion: {cure}."
+    both = fo.solve(fo.Problem(plate, base, made={"spacing": 0.25, "aside": 0.12}, **asked))
+    assert advised(SolvedCase(both)).startswith("Proved impossible with this motion: change spacing")
+    assert "turn" not in advised(SolvedCase(both))

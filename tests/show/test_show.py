@@ -386,7 +386,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
     with pytest.MonkeyPatch.context() as patch:  # a report ended with an error where a section meets none of many
         patch.setattr(Cut, "met", lambda *_: [])
-        assert "intended contact" in texts(scene_figure(shown, contacts=[foot] * (MOST_TOLD + 1)))
+        assert "in contact" in texts(scene_figure(shown, contacts=[foot] * (MOST_TOLD + 1)))
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
     opened, (cut, _) = whole.empty(), Cut.through([foot], bodies, page)
     assert cut is not None
@@ -401,6 +401,38 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
         opened.fill([*left, *section], "#0072B2", 0)
     assert whole.share_seen(line) == 0.0
     assert opened.share_seen(line) > 0.9
+
+
+def test_of_two_contacts_the_cut_met_only_the_one_of_many_pieces() -> None:
+    """A foot of 40 strips along y, and a line at y = 0.5 on a wall: the plane goes through both, and both are drawn."""
+    strips = [
+        (np.array([(-1, y, 0), (1, y, 0), (1, y + 0.05, 0), (-1, y + 0.05, 0.0)]),) for y in np.arange(-1, 1, 0.05)
+    ]
+    contacts = [Touching(own, np.eye(3)[2], number=1, told="foot") for own in strips]
+    line = np.array([(1.0, 0.5, 0.0), (1.0, 0.5, 1.0)])
+    contacts.append(Touching((line,), np.eye(3)[0], number=2, told="wall"))
+    peg, block = bodies = peg_in_a_blind_hole()
+    cut, share = Cut.through(contacts, bodies, page_directions(32.0, -55.0))
+    assert cut is not None
+    assert share == 1.0
+    assert np.ptp(cut.heights(line)) == 0.0 or cut.met([line])
+    figure = scene_figure(ShownPair.of(peg, block, view=(32.0, -55.0)), contacts=contacts)
+    assert {"1", "2"} <= set(texts(figure))
+    assert "intended contact" not in texts(figure)  # of parts that are to be apart it was none
+
+
+def test_faces_of_bodies_exact_at_points_share_all_of_what_those_drawn_do() -> None:
+    """A pipe of 24 sides, radii 2 and 4, flush on a plate: of the bodies within the true ones strips were left out."""
+    mesh = trimesh.creation.annulus(2.0, 4.0, 3.0, sections=24)
+    pipe = Body.from_mesh(mesh.apply_translation((0, 0, 1.5))).rounded()
+    exact = exact_at(pipe, np.array([[2.0, 0.0, 0.0]]))
+    assert exact is not None
+    plate = Body.from_mesh(trimesh.creation.box(bounds=((-9, -9, -1), (9, 9, 0))))
+    contacts = contacts_of(decision_curve(exact, plate), (1.0, 1.0), ShownPair.of(exact, plate))
+    across = [np.cross(own[1] - own[0], own[2] - own[0]) for each in contacts for own in each.pieces]
+    area = 12 * np.sin(np.pi / 12) * (4**2 - 2**2)
+    assert np.linalg.norm(across, axis=1).sum() / 2.0 == pytest.approx(area, rel=1e-6)
+    assert {each.told for each in contacts} == {""}  # it is the only one
 
 
 def test_walls_between_the_parts_of_a_solid_were_drawn() -> None:

@@ -97,6 +97,7 @@ def test_a_roller_rises_in_its_v_block(half: float) -> None:
     assert found.parameters["TZ"] == pytest.approx(0.01 / sin(half), rel=1e-8)
     assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
     assert fo.verify(found).passed
+    assert sum(found.seconds.values()) > 0.0  # the time was "not measured"
 
 
 def v_block(half: float, radius: float) -> fo.Body:

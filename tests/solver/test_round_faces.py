@@ -656,6 +656,16 @@ def test_bodies_that_are_exact_at_points_are_within_the_true_ones() -> None:
     assert patch.gaps(made.parts[-1].vertices)[0].max() == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_piece_in_the_middle_of_a_bore_stood_out_of_the_plate_by_what_facets_are_off() -> None:
+    """By sqrt(3^2 + .3^2) - 3; pins that were free in a plate under a flange overlapped along all of a motion."""
+    plate = fo.cut(fo.Box((60, 60, 6), centre=(0, 0, -3)), fo.Cylinder(20, 8, base=(0, 0, -7), facets=16))
+    for angle in np.linspace(0.0, np.pi / 8, 5):
+        made = exact_at(plate, [[20 * math.cos(angle), 20 * math.sin(angle), -3.0]])
+        assert made is not None
+        assert (made.parts[-1].vertices[:, 2] >= -6.0).all()
+        assert (made.parts[-1].vertices[:, 2] <= 0.0).all()
+
+
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.03, -0.04)])
 def test_how_far_apart_round_parts_are_was_that_of_bodies_within_them(off: tuple[float, float]) -> None:

@@ -19,7 +19,9 @@ COLOURS = {
     "ours": VERMILLION, "coal": BLUE, "growth distance": BLACK, "HiGHS": GREEN, "Clarabel": PURPLE, "CasADi": ORANGE,
     "scipy": "#56B4E9", "Drake": "#882255", "SCIP": "#8B8000", "codac": "#332288", "the paper's": GREY,
 }  # fmt: skip
-"""Colour of each family of methods, in every panel of every picture; of others grey."""
+"""Colour of each family of methods, in every panel of every picture."""
+ADDED = "#E7298A"
+"""Colour of rivals of other families, as of the user's own: they are named in each panel."""
 MARKS = {
     "kernel": "s", "decision_curves": "D", "decision_curve": "o", "exact path": "^", "fcdm_opt": "o",
     "coal bisection": "v", "coal distance + Newton": "s", "coal in the loop": "^",
@@ -59,7 +61,7 @@ class Look(NamedTuple):
     @classmethod
     def of(cls, method: str, family: str) -> Look:
         """Return the look of a method."""
-        return cls(COLOURS.get(family, GREY), MARKS.get(method, SPARE[crc32(method.encode()) % len(SPARE)]),
+        return cls(COLOURS.get(family, ADDED), MARKS.get(method, SPARE[crc32(method.encode()) % len(SPARE)]),
                    family == "ours")  # fmt: skip
 
     @property
@@ -185,8 +187,9 @@ def _panel(axes: Any, rows: Sequence[Row], looks: dict[str, Look], seconds: tupl
     axes.minorticks_off()
     axes.grid(visible=True)
     ours = [row["method"] for row in rows if row["family"] == "ours"]
-    rivals = strongest(rows)[:NAMED]
-    named = dict.fromkeys([*rivals[:1], *ours, *rivals])  # in this order, as there may not be room for all
+    every, known = strongest(rows), {row["method"] for row in rows if row["family"] in COLOURS}
+    rivals, added = every[:NAMED], [method for method in every if method not in known][:NAMED]
+    named = dict.fromkeys([*rivals[:1], *ours, *added, *rivals])  # in this order, as there may not be room for all
     names, places = Names(axes), dict[str, list[tuple[float, float]]]()
     for method, look in reversed(looks.items()):  # ours above all others
         mine = [row for row in rows if row["method"] == method]

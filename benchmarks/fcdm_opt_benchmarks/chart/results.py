@@ -11,7 +11,7 @@ import numpy as np
 from fcdm_opt.show import save
 from fcdm_opt.tolerances import DEFAULT
 from fcdm_opt_benchmarks.chart.bench import TASKS, ahead
-from fcdm_opt_benchmarks.chart.figures import TASK_WORDS, chart_figure, overview_figure, panels_of, strongest
+from fcdm_opt_benchmarks.chart.figures import COLOURS, TASK_WORDS, chart_figure, overview_figure, panels_of, strongest
 from fcdm_opt_benchmarks.cost.growth import exponents
 from fcdm_opt_benchmarks.cost.growth_picture import growth_figure
 from fcdm_opt_benchmarks.cost.models_picture import models_figure
@@ -81,6 +81,7 @@ def summary(run: BenchRun, *, most: int | None = None) -> str:
             for row in rows
             if row.get("below")
         ]
+        lines += _added(rows, title)
         ours = [row for row in rows if row["family"] == "ours"]
         lines += [
             f"  - ours ({row['method']}, {row['setting']}) failed in {row['scene']}: {row['failed']} of "
@@ -95,6 +96,18 @@ def summary(run: BenchRun, *, most: int | None = None) -> str:
         lines.append(f"- {checked} decision curves of the batch compared with exact ones, feature by feature: {word}.")
         lines += [f"  - {fault}" for fault in faults[:20]]
     return "\n".join(lines)
+
+
+def _added(rows: Sequence[Row], title: str) -> list[str]:
+    """Return a line for each rival that was added to those known: in how many scenes it is right, and how fast."""
+    lines, scenes, ours = list[str](), {row["scene"] for row in rows}, _own(rows)
+    for method in dict.fromkeys(row["method"] for row in rows if row["family"] not in COLOURS):
+        found = _best(rows, method, REACHED)
+        within = f"within {REACHED:g} in {len(found)} of {len(scenes)} scenes"
+        shared = [found[scene][0] / ours[scene][0] for scene in found if scene in ours]
+        times = f": {_medians(found)}, {np.median(shared):.2g} times our time" if shared else ""
+        lines.append(f"- {title}: {method} (added) is {within}{times}.")
+    return lines
 
 
 def _panels(run: BenchRun) -> str:

@@ -15,6 +15,7 @@ from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.design.stack.spread import spreads
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import MotionClaims, ShareClaim
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain
@@ -36,7 +37,7 @@ MOST_HELD = 2_000_000
 
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
-OTHERS = ("impossible", "undecided")
+OTHERS = {"impossible": "have no motion", "undecided": "are undecided: the map is not exact enough there"}
 COARSE = 0.01  # width of an interval of shares from which on tenths of a per cent are told
 
 
@@ -153,13 +154,14 @@ class AssemblyYield(Plain, NotebookRepr):
     def __str__(self) -> str:
         low, high = self.interval
         places = 4 if high - low < COARSE else 1  # no more than is known
-        sure = f"{100.0 * self.confidence:.6g} % sure: {low:.{places}%} to {high:.{places}%}"
-        within = round((1.0 - self.outside) * self.count)
-        words = [f"{self.share:.{places}%} of {within} pairs pass ({sure})" if within else "of no pair it is known"]
-        if self.outside > 0.0:
-            words.append(f"{self.outside:.4%} of {self.count} are beyond the map's ends, where they may pass or fail")
-        words += [f"{getattr(self, what):.{places}%} {what}" for what in OTHERS if getattr(self, what) > 0.0]
-        return ", ".join((*words, *self._distribution_text, *self.known_to))
+        within, least = round((1.0 - self.outside) * self.count), measured(self.budget, self.unit)
+        does = f"a motion of at most {least}" if math.isfinite(self.budget) else "a motion within the limits"
+        words = [f"{self.share:.{places}%} of {within} pairs pass ({does})"] if within else []
+        apart = f", whether or not the {self.outside:.4%} beyond the map's ends do" if self.outside else ""
+        sure = f"{100.0 * self.confidence:.6g} % confidence"
+        words.append(f"of all such pairs {low:.{places}%} to {high:.{places}%} pass ({sure}){apart}")
+        words += [f"{getattr(self, what):.{places}%} {text}" for what, text in OTHERS.items() if getattr(self, what)]
+        return "; ".join((*words, *self._distribution_text, *self.known_to))
 
     @property
     def _distribution_text(self) -> list[str]:

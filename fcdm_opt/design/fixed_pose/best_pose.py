@@ -39,10 +39,8 @@ from fcdm_opt.tolerances import DEFAULT
 
 Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"]
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
-MIDDLE = (
-    "it makes the worst gap smallest, of either kind; --clearance 0,inf asks for one without interference, "
-    "in Python clearance=(0, math.inf)"
-)
+ONLY_CLEAR = "clearance=(0, math.inf)"  # how one without interference is asked for
+MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks for one without interference"
 EFFORT = 20_000  # cells: a second or two for two parameters
 NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
 FAR_ROUNDS = 4  # of such, at most

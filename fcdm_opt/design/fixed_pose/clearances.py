@@ -155,6 +155,7 @@ class Clearances(NotebookRepr, Plain):
     def __str__(self) -> str:
         low, high = self.range
         interfere = f"{self.interference:.3%} of {self.source} interfere"
+        interfere += ", all of them beyond the tolerances" * (low >= 0.0 < self.interference)
         return "; ".join([gaps_text(low, high, self.unit), interfere, *not_counted(self.standing)])
 
     def to_dict(self) -> dict[str, Any]:

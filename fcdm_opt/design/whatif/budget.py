@@ -51,7 +51,10 @@ OF = {
     "low": "all sizes at their least",
     "high": "all sizes at their largest",
 }
-NO_GUARANTEE = "of these corners alone: other sizes within the tolerances may need more, or have no motion (see map)"
+NO_GUARANTEE = (
+    "each line is of its own corner alone, at which all sizes are off at once; {}, and sizes that are at no corner may "
+    "need more, or have no motion (see map)"
+)
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
@@ -221,7 +224,10 @@ class Budgets(Mapping[str, Budget]):
     @property
     def open_text(self) -> str:
         """What corners of several sizes leave open, in words; "" of others."""
-        return NO_GUARANTEE if any(one.corner and len(one.sizes) > 1 for one in self.each.values()) else ""
+        if not any(one.corner and len(one.sizes) > 1 for one in self.each.values()):
+            return ""
+        least = min(self.each.values(), key=lambda one: one.tolerance)
+        return NO_GUARANTEE.format(f"all of them are good up to {least.tolerance_text()} together")
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""

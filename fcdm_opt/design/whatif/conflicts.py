@@ -50,15 +50,19 @@ class Conflicts(Plain):
     def __str__(self) -> str:
         lines = list(filter(None, (verdict(self.problem) or unlike_steps(self.problem),)))  # what `solve` says of it
         for clash in self.clashes:
-            what = "clash: " + "; ".join(clash.names) if clash.names else "the motion alone cannot meet the goal"
+            what = "the motion alone cannot meet the goal"
+            if clash.names:
+                *others, last = clash.names
+                every = f"{', '.join(others)} and {last} together" if others else last
+                what = f"no motion keeps {every}"
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
-            sizes = f", of sizes {', '.join(clash.sizes)}" if clash.sizes else ""
+            sizes = f", at the sizes made of {', '.join(clash.sizes)}" if clash.sizes else ""
             sure = "proved" if clash.proved else found
             lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure})", clash.reason))))
         if not self.complete:
-            lines.append("there may be other clashes as small, or smaller")
-        lines += [f"relax {one}" for one in self.relaxations]
+            lines.append("there may be others that clash, as few or fewer")
+        lines += [f"to relax alone: {one}" for one in self.relaxations]
         if self.deviation is not None:
             value, what = self.deviation.value, "of the deviation from nominal"
             none = f"no share {what}, down to {0.0 if math.isnan(value) else FINE:g},"
