@@ -121,7 +121,7 @@ function showNumbers() {
   const told = [...new Set(featuresOf(frame).map(toldOf))];
   const features = told.slice(0, MOST_TOLD).join("; ") + (told.length > MOST_TOLD ? `; ${told.length - MOST_TOLD} more` : "");
   if (element("chart")) element("now-touching").hidden = !features;
-  write("now-features", frame.contact?.length || !features ? features : `nothing here; intended contact: ${features}`);
+  write("now-features", frame.contact?.length || !features ? features : `nothing here; apart: ${features}`);
 }
 
 /** Scales of the parts made where one is scaled, and sizes by name that are off drawn. */
