@@ -677,6 +677,15 @@ class Body(_Sealed, NotebookRepr):
         """Arrays of all parts that the kernels take, see `packing.packed_together`."""
         return packed_together(self.parts)
 
+    def with_triangles(self, triangles: tuple[tuple[tuple[int, ...], ...], ...]) -> Body:
+        """Return the same body with the triangles of its faces known, rows of `vertices`: parts lie on these faces."""
+        owners = np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
+        surface = Surface.of(self.vertices, np.concatenate([np.array(own) for own in triangles]), owners)
+        found = {tuple(point): row for row, point in enumerate(self.vertices.tolist())}
+        rows = [np.array([found[tuple(point)] for point in part.vertices.tolist()]) for part in self.parts]
+        made = Body._made(self.vertices, rows, None, self.seed, self.name, surface=surface)
+        return made if made.faces == self.faces else replace(self, triangles=triangles)
+
     def by_features(self, rule: int) -> Body:
         """Return the same solid cut so that each hole, pocket or boss may change its size by itself.
 

@@ -349,7 +349,8 @@ def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last
         return answer
     closes = task.must_touch and task.gap(task.rest) > 0.0
     q = asked.balanced(answer.motion, -1.0 if closes else 1.0) if closes or last else None
-    near = q is not None and abs(task.amount(q) - answer.amount) <= problem.contact_slack
+    slack = problem.contact_slack + sum(body.rounding for body in problem.bodies[:2])
+    near = q is not None and abs(task.amount(q) - answer.amount) <= slack
     if q is None or not near or not (task.allows(q) and task.meets(q, DEFAULT.requirement)):
         return answer
     return replace(answer, q=q, amount=task.amount(q), lower_bound=min(answer.lower_bound, task.amount(q)))

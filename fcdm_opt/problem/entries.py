@@ -230,8 +230,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             if len(self.triangles) != len(body.faces) or {3} != {len(own) for face in self.triangles for own in face}:
                 allowed = f"triangles of each of {len(body.faces)} faces, three labels each"
                 raise InputError("not the triangles of the faces", key="triangles", allowed=allowed)
-            drawn = [[tuple(label - 1 for label in own) for own in face] for face in self.triangles]
-            body = replace(body, triangles=tuple(map(tuple, drawn)))
+            drawn = tuple(tuple(tuple(label - 1 for label in own) for own in face) for face in self.triangles)
+            body = body.with_triangles(drawn)
         told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
         told["rounding"] = self.rounding
         if self.facet_errors is not None:
