@@ -35,7 +35,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
-from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
 from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
 from fcdm_opt.stages.separating_directions import Linearised
@@ -52,7 +52,7 @@ TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
 OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
-SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
 MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
@@ -156,7 +156,7 @@ def all_at_once(
         other, _ = least([System.of(task) for task in tasks])
         q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
         amount, beyond = asked.amount(q), MARGIN * bound / np.sqrt(len(asked.weights))  # so far a parameter has to move
-        bound = _bound_of_own(asked, amount, max(_unique_within(joined, q) if prove and joined else 0.0, beyond))
+        bound = _bound_of_own(asked, amount, max(widest_unique(joined, q) if prove and joined else 0.0, beyond))
     count = sum(len(task.joints) for task in tasks)
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
@@ -189,7 +189,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
         return answer  # only where all can be closed does the least gap ask for the same
     if answer.q is not None:
-        answer = replace(answer, unique=_unique_within((problem,), answer.q))
+        answer = replace(answer, unique=widest_unique((problem,), answer.q))
     if problem.motion.shifts or (answer.q is not None and not answer.q.any()):
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
@@ -205,13 +205,6 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     told = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
-
-
-def _unique_within(problems: Sequence[Problem], q: Array) -> float:
-    """Return the half width of a box in which no other motion restores the contacts, see `widest_unique`."""
-    if not all(problem.motion.shifts for problem in problems):
-        return widest_unique(problems, q)
-    return np.inf if unique(problems, q, np.array([problems[0].size]))[0] else 0.0  # what holds in one box holds in all
 
 
 def _bound_of_own(task: Task, amount: float, half: float) -> float:
