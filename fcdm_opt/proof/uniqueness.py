@@ -1,7 +1,7 @@
 """Whether a motion that restores several contacts is the only one in a box, or none is smaller, in intervals.
 
-Stages ask how much is so, the judge whether what a solution claims is. The contacts are equations between the corners of
-the claimed elements, as made and as moved. Where a square of their derivatives, times its inverse at the motion, is
+Stages ask how much is so, the judge whether what a solution claims is. The contacts are equations between the corners
+of the claimed elements, as made and as moved. Where a square of their derivatives, times its inverse at the motion, is
 nearer to the unit matrix than 1 all over the box, no two motions of the box meet the equations. The derivatives are
 bounded piece by piece of the box.
 

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.stages import linear
+from fcdm_opt.stages import best_first
 from fcdm_opt_benchmarks.motions.upright import least_shift as least_shift_of_prisms
 from fcdm_opt_benchmarks.pairs import lattice_prism
 
@@ -154,8 +154,8 @@ def test_a_clearance_of_hulls_is_exact(number):
 
 
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
-    monkeypatch.setattr(linear, "MOST_WAYS", 3)
-    post, other = corners((0.5, -9, 0.2), (9, 9, 9)), corners((0.5, 9, 0.2), (9, 10, 9))
+    monkeypatch.setattr(best_first, "MOST_WAYS", 3)
+    post, other = corners((0.5, -9, 0.2), (9, 9, 0.4)), corners((0.7, -9, 0.4), (9, 9, 9))
     asked = fo.Problem(
         fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),
         fo.Body.from_parts([post, other]),
