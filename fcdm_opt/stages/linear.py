@@ -97,11 +97,10 @@ def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
 
 def _on_lines(task: Task, q: Array) -> Answer:
     """Return the least motion that the tracked lines allow as the answer."""
-    moving = (task.limits != 0).any(axis=1)
-    at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
-    active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
+    own = System(task, ())
+    active = own.at_limits(q) or ("the tracked contact at the target pair",)
     kept = [line.parts for line in (*task.tracked, *task.untracked)]
-    counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
+    counts = task.modelled(kept, variables=int(own.moving.sum()), constraints=len(kept), features=len(kept))
     return task.answer(q, LINES, np.inf, active, counts)
 
 
