@@ -531,8 +531,8 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     distance apart along facets: corners may pass one another nearer.
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
-    z, alone = first.start * first.weights / first.size, exact and not any(own.features for own in systems)
-    blocked = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(first.start) if alone}
+    z, gaps_only = first.start * first.weights / first.size, exact and not any(own.features for own in systems)
+    blocked = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(first.start) if gaps_only}
     touching, length = [own for own in systems if own.touching], 0.0
     clearances = [ForbiddenShifts(own.task) for own in systems]
     moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
