@@ -143,6 +143,7 @@ def _answered(own: System, z: Array, bound: float) -> Answer:
     near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & beside).tolist()
     gaps = task.pair_gaps(q, {(i, j): task.way_between((i, j), q) for i, j in near})
     stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & beside).tolist()]
+    stopped = stopped if own.features else own.deciding(stopped, z)
     names, count = dict.fromkeys(map(task.named, stopped)), len(task.joints)
     first = f"{count} contacts at once" if count > 1 else "the contact"
     active = (first, *(f"{name} stays apart" for name in names)) if own.features else tuple(names)
@@ -430,6 +431,20 @@ class System:
     def sooner(self, length: float) -> int:
         """Return how many of the pairs one of which is to touch are looked at: all that a z of that length may make."""
         return max(BATCH_SIZE, sum(own < length for own, _ in self.touching))
+
+    def deciding(self, pairs: Sequence[Parts], z: Array) -> list[Parts]:
+        """Return which of some pairs that are as near as they may be make z the least, or all: multipliers tell."""
+        from scipy.optimize import nnls
+
+        each = [self._rows(parts, self.q(z), EVERY) for parts in pairs]
+        gaps = [rows.normals @ z - rows.levels for rows in each]
+        tight = [rows.normals[own >= own[0] - DEFAULT.active] for rows, own in zip(each, gaps, strict=True)]
+        every, owners = (
+            np.concatenate([np.empty((0, len(z))), *tight]),
+            np.repeat(np.arange(len(pairs)), [*map(len, tight)]),
+        )
+        used = nnls(np.vstack([every, -every]).T, z)[0].reshape(2, -1).sum(axis=0) > 0.0 if len(every) else owners > 0
+        return [parts for k, parts in enumerate(pairs) if used[owners == k].any()] or [*pairs]
 
     def closings(self, q: Array, length: float, *, shared: bool) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
