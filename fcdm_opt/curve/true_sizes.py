@@ -39,7 +39,6 @@ ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
-SHIFTED = 16  # sizes at which faces are looked at that several sizes shift
 KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
@@ -268,12 +267,6 @@ class TrueSizes:
             found[row, k] = box[k, end]
         for k, outwards in (each for own in self.faces for each in own.offsets.items()):
             found[1, k] = box[k, int(outwards)]
-        if len(columns) > 1:  # together they shift a round face in all directions
-            from scipy.stats.qmc import Sobol
-
-            around = np.tile(place, (SHIFTED, 1))
-            around[:, columns] = box[columns, 0] + Sobol(len(columns), rng=0).random(SHIFTED) * np.ptp(box[columns], 1)
-            found = np.vstack([found, around])
         return [own for own in np.unique(found, axis=0) if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:
