@@ -158,7 +158,7 @@ class TouchingSizes:
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
-        counted = [own for own in _near_enough(*sides, box, DEFAULT.tie * size) if own not in without]
+        counted = [own for own in _near_enough(sides, box, DEFAULT.tie * size) if own not in without]
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
         always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
@@ -503,15 +503,13 @@ def _pair(
     return PairRows(parts, values[kept], normals[kept], elements)
 
 
-def _near_enough(
-    ones: Sequence[_PosedPart], twos: Sequence[_PosedPart], box: Array, slack: float
-) -> list[tuple[int, int]]:
+def _near_enough(sides: Sequence[Sequence[_PosedPart]], box: Array, slack: float) -> list[tuple[int, int]]:
     """Return the part pairs that may be the nearest within the box, by boxes about parts and distances of corners.
 
     Only pairs that are surely apart bound the least gap: others may be closed at all sizes, and not counted.
     """
     middle, half = _centred(box)
-    each = [[(own.points + own.moves @ middle, np.abs(own.moves) @ half) for own in side] for side in (ones, twos)]
+    each = [[(own.points + own.moves @ middle, np.abs(own.moves) @ half) for own in side] for side in sides]
     lows = [np.array([(x - room).min(axis=0) for x, room in side]) for side in each]
     highs = [np.array([(x + room).max(axis=0) for x, room in side]) for side in each]
     apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
