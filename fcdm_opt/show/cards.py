@@ -37,7 +37,7 @@ from fcdm_opt.show.texts import (
     share_text,
     study_facts,
 )
-from fcdm_opt.show.verdict import instruction, verdict_text
+from fcdm_opt.show.verdict import held_text, instruction, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ def _bound(solution: Bounded, unit: str) -> tuple[str, str]:
     if not solution.lower_bound > 0.0:
         return "0", "(nothing is proved)" if solution.amount else unit
     if math.isinf(solution.lower_bound):
-        return told, ""
+    if told == "-" or math.isinf(solution.lower_bound):
     near = "of the mesh" if solution.left_by_mesh else "exact"
     gap = near if proved_least(solution) else f"relative gap {number(solution.gap, 2)}"
     return told, f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
@@ -358,8 +358,10 @@ def whatif_card(answer: WhatIf) -> Card:
     ]
     kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
     lines = [
-        (each.name, *(_shown(value, kinds.get(each.name, "")) for value in each[1:])) for each in answer.differences
-    ]
+        (each.name, *(held_text(value or (), own.question) if each.name in ("features", "active")
+                      else _shown(value, kinds.get(each.name, "")) for value, own in zip(each[1:], (before, after), strict=True)))
+        for each in answer.differences
+    ]  # fmt: skip
     tables = [(("of the answer", "before", "after"), lines)]
     state, mood = after.status.words, mood_of(after)
     return Card("What if", said=after.advice, facts=facts, tables=tables, state=state, mood=mood)

@@ -25,7 +25,9 @@ from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
+from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised
+from fcdm_opt.show.verdict import held_text
 
 UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
 NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds
@@ -577,6 +579,45 @@ def test_whatif_called_a_motion_outside_the_fit_bad_input(problem_file: Path) ->
     assert f"does not fit: nut 19.79 in slot 19.60, {WALLS}" in re.sub(r"\s+", " ", found.stdout)
     data = json.loads(CliRunner().invoke(app, ["whatif", str(problem_file), "--case", "B", "--json"]).stdout)
     assert data["files"][0]["cases"][0]["solution"]["status"] == "OUTSIDE_FIT"
+
+
+def test_a_motion_outside_the_fit_is_told_as_none_and_by_how_much_the_parts_do_not_fit(problem_file: Path) -> None:
+    """The nut, out of its rail by some motion, had its parameter and amount in the tables, and its bound as a share."""
+    solved = next(fo.solve(own) for own in fo.load_problems(problem_file) if own.name == "B")
+    number = f"{abs(solved.amount):.4g}"
+    found = CliRunner().invoke(app, ["solve", str(problem_file), "--case", "B"]).stdout
+    assert number not in found
+    assert "% of it" not in found
+    assert f"amount {number}" not in str(solved)
+    asked = ["whatif", str(problem_file), "--case", "A", "--set", "requirement=B"]
+    words = re.sub(r"\s+", " ", CliRunner().invoke(app, asked).stdout)
+    assert f"after: does not fit: nut 19.79 in slot 19.60, {WALLS}" in words
+    assert number not in words
+    assert "outside the fit" not in words
+
+
+def test_what_holds_a_motion_is_told_by_whole_bodies_once() -> None:
+    problem = nut_in_rail(0.01)
+    names = [f"convex part {k} of nut and convex part {k + 1} of slot stays apart" for k in range(30)]
+    assert held_text(names, problem) == "nut and slot kept apart"
+    assert held_text([f"limit {k}" for k in range(30)], problem) == "limit 0; limit 1; limit 2; and 27 more"
+    assert held_text([], problem) == "none"
+
+
+def test_sizes_that_mend_what_does_not_fit_are_named_where_a_motion_leaves_the_fit() -> None:
+    """Walls between which a nut does not go: its width and the slot's are what to change, and no limit."""
+    bodies = {"movable": (t_nut(), 9.7), "static": (t_rail(), 10.0)}
+    sizes = list[fo.Size]()
+    for role, (body, half) in bodies.items():
+        normals, points = body.face_planes
+        rows = np.flatnonzero((np.abs(normals[:, 0]) > 0.9) & (np.abs(np.abs(points[:, 0]) - half) < 1e-9))
+        faces = [f"F{row + 1}" for row in rows.tolist()]
+        sizes.append(fo.Size(f"{body.name} wide", role, faces=faces, each=0.5, tolerance=1.0))
+    asked = {"made": {"nut wide": 0.7}, "motion": UP, "goal": "clear", "unit": "mm"}
+    problem = fo.Problem(t_nut(), t_rail(), sizes=sizes, **asked)
+    solution = fo.solve(problem)
+    assert solution.status is Status.OUTSIDE_FIT
+    assert advised(SolvedCase(solution)) == "The motion leaves the fit: change nut wide or slot wide."
 
 
 @pytest.mark.slow
