@@ -263,8 +263,7 @@ def _of_bodies(kind: Callable[..., Any], file: Path, **asked: Any) -> Any:
     except InputError as reason:
         kept = {key: asked[key] for key in BODIES if key in asked}
         found = kind(**kept, **({"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}))
-        where = reason.within(file=file, key=f"case[1] {asked['name']!r}" if asked.get("name") else "case[1]")
-        say(f"this is of all bodies as drawn, the case is refused: {where}")
+        say(f"this is of all bodies as drawn, the case is refused: {reason.within(file=file, key='case[1]')}")
         return found
 
 

@@ -264,17 +264,14 @@ def _in_single(vertices: Array) -> tuple[bool, bool]:
     As "21.3397464752", which is 21.339746475219727: a boolean operation in single precision, in a file of 10 decimals.
     """
     values = np.unique(np.abs(vertices))
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         single = values.astype(np.float32)
-        spans, nearest = np.spacing(single).astype(float), single.astype(float)
-    if (values == nearest).all():
-        return True, False
-    decimals = next((k for k in range(DECIMALS + 1) if (values.round(k) == values).all()), None)
-    if decimals is None or (nearest.round(decimals) != values).any():
-        return False, False
-    chances = np.minimum(10.0**-decimals / spans[values != nearest], 1.0)
-    written = bool(np.log(chances).sum() <= np.log(CHANCE))
-    return written, written
+        other = values != single
+        decimals = next((k for k in range(DECIMALS) if (values.round(k) == values).all()), DECIMALS)
+        chances = np.minimum(10.0**-decimals / np.spacing(single[other]).astype(float), 1.0)
+    near = (single.astype(float).round(decimals) == values).all()
+    written = bool(near and np.log(chances).sum() <= np.log(CHANCE))
+    return written or not other.any(), written
 
 
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:

@@ -173,10 +173,7 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 
 def motion_text(solution: Bounded, *, unit: bool = True) -> str:
-    """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out.
-
-    "-" without one, and of one that leaves the fit.
-    """
+    """Return the motion found in words, without steps that do nothing; "-" of none, or of one that leaves the fit."""
     scene = solution.question
     if solution.status is Status.OUTSIDE_FIT:
         return "-"

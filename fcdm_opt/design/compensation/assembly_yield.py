@@ -157,15 +157,13 @@ class AssemblyYield(Plain, NotebookRepr):
         places = 4 if high - low < COARSE else 1  # no more than is known
         within, least = round((1.0 - self.outside) * self.count), measured(self.budget, self.unit)
         does = f"a motion of at most {least}" if math.isfinite(self.budget) else "a motion within the limits"
-        words = [f"{self.share:.{places}%} of {within} pairs pass ({does})"] if within else []
-        every = "of all such pairs"
-        if self.undecided >= COARSE:
-            words, every = [], f"of {within} pairs ({does})"
         apart = f", whether or not the {self.outside:.4%} beyond the map's ends do" if self.outside else ""
         sure = f"{100.0 * self.confidence:.6g} % confidence"
-        words.append(f"{every} {low:.{places}%} to {high:.{places}%} pass ({sure}){apart}")
-        if self.undecided > UNKNOWN:
-            words = [f"how many of {within} pairs pass ({does}) is not known"]
+        ends = f"{low:.{places}%} to {high:.{places}%} pass ({sure}){apart}"
+        words = [f"{self.share:.{places}%} of {within} pairs pass ({does})", f"of all such pairs {ends}"][not within :]
+        if self.undecided >= COARSE:
+            unknown = f"how many of {within} pairs pass ({does}) is not known"
+            words = [unknown if self.undecided > UNKNOWN else f"of {within} pairs ({does}) {ends}"]
         words += [f"{getattr(self, what):.{places}%} {text}" for what, text in OTHERS.items() if getattr(self, what)]
         return "; ".join((*words, *self._distribution_text, *self.known_to))
 

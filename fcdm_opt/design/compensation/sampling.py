@@ -147,9 +147,8 @@ class Sampler:
         """Which of budget and time is the shorter, in words; with some left what it is kept for."""
         late = self._time >= len(self.known) / self.budget
         given = f"the time given, {self._given:.3g} s," if late else f"{self.budget} solves"
-        if not self.spent:
-            return f"half of {given} is for boundaries of regions alone"
-        return f"{given} {'is short' if late else 'are too few'}"
+        short = f"{given} {'is short' if late else 'are too few'}"
+        return short if self.spent else f"half of {given} is for boundaries of regions alone"
 
     @property
     def rough(self) -> bool:
