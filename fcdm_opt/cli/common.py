@@ -238,7 +238,7 @@ def opened_files(
             continue
         try:
             scene, make = (Assembly, own.assemblies) if isinstance(own, AssemblyFile) else (Problem, own.problems)
-            make = partial(make, partial(_of_bodies, scene) if some else scene)
+            make = partial(make, partial(_of_bodies, scene, path) if some else scene)
             names = [case.name for case in own.case[:1]] if some else wanted
             refused = list[tuple[str, InputError]]()
             made = tuple(make(path, wanted=names, refused=refused))
@@ -256,14 +256,14 @@ BODIES = ("movable", "static", "motion", "parts", "contacts", "motions", "follow
 """Arguments of problems and assemblies that tell which bodies there are, and how they move."""
 
 
-def _of_bodies(kind: Callable[..., Any], **asked: Any) -> Any:
-    """Return a problem or assembly, or one of the same bodies alone where it is refused; says on stderr why that is."""
+def _of_bodies(kind: Callable[..., Any], file: Path, **asked: Any) -> Any:
+    """Return the first case of a file, or one of its bodies alone where that is refused; says on stderr why that is."""
     try:
         return kind(**asked)
     except InputError as reason:
         kept = {key: asked[key] for key in BODIES if key in asked}
         found = kind(**kept, **({"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}))
-        say(f"this is of all bodies as drawn, {asked.get('name') or 'the case'} is refused: {reason}")
+        say(f"this is of all bodies as drawn, the case is refused: {reason.within(file=file, key='case[1]')}")
         return found
 
 

@@ -39,6 +39,8 @@ WRITTEN = (".stl", ".obj", ".off")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
 SINGLE_DIGITS = 9  # digits that tell all numbers of single precision apart
+DECIMALS = 15  # most that are looked at: more than double precision has of a length above 1
+CHANCE = 1e-4  # that the decimals of a file are those of single precision though they were not rounded to it
 ROUNDED = 3.0**0.5 / 2.0  # of a last digit: how far rounding moves a point of three coordinates
 
 
@@ -245,16 +247,31 @@ def _plane(
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
         return vertices, (), 0.0, 0.0  # `checked_mesh` says what is wrong
-    with np.errstate(over="ignore"):
-        exactly = bool((vertices == vertices.astype(np.float32)).all())
+    exactly, written = _in_single(vertices)
     digits = float(np.finfo(np.float32).eps) if single or exactly else DEFAULT.drawn
     moved = flattened(vertices, faces, digits * size, joined=single or exactly or joined)
     step = float(norms(moved - vertices).max())
-    rounded = step > 0.0 or single or (binary and exactly) or (joined and not exactly)
+    rounded = step > 0.0 or single or written or (binary and exactly) or (joined and not exactly)
     rounding = max(step, digits * size * ROUNDED) if rounded else 0.0
     if not step:
         return vertices, (), 0.0, rounding
     return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step, rounding
+
+
+def _in_single(vertices: Array) -> tuple[bool, bool]:
+    """Tell whether coordinates are numbers of single precision, and whether they are such written with more decimals.
+
+    As "21.3397464752", which is 21.339746475219727: a boolean operation in single precision, in a file of 10 decimals.
+    """
+    values = np.unique(np.abs(vertices))
+    with np.errstate(all="ignore"):
+        single = values.astype(np.float32)
+        other = values != single
+        decimals = next((k for k in range(DECIMALS) if (values.round(k) == values).all()), DECIMALS)
+        chances = np.minimum(10.0**-decimals / np.spacing(single[other]).astype(float), 1.0)
+    near = (single.astype(float).round(decimals) == values).all()
+    written = bool(near and np.log(chances).sum() <= np.log(CHANCE))
+    return written or not other.any(), written
 
 
 def _quietly(load: Callable[..., Any], *arguments: Any, **options: Any) -> Any:

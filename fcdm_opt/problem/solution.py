@@ -481,7 +481,7 @@ class Bounded(Plain, NotebookRepr):
         """What is to be said beside the amount: that its bound is far below it, or its mesh leaves much open."""
         if not self.status.found:
             return ""
-        loose = self.amount > 0.0 and self.gap > LOOSE
+        loose = self.amount > 0.0 and self.gap > LOOSE and self.status is not Status.OUTSIDE_FIT
         less = f"up to {100.0 * self.gap:.0f} % less not excluded" if self.lower_bound > 0.0 else "not proved least"
         loose &= not (self.left_by_mesh and self.amount_low >= self.lower_bound)  # which says more of the true parts
         return "; ".join(filter(None, (less * loose, self.left_by_mesh)))

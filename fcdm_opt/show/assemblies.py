@@ -84,11 +84,12 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
-    assembly, moved = solution.assembly, values_by_part(solution).items()
+    assembly, outside = solution.assembly, solution.status.name == "OUTSIDE_FIT"
+    moved = [(part, [] if outside else kept) for part, kept in values_by_part(solution).items()]
     told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
         (part, assembly.follows.get(part, "-"), made_text(assembly, part), motion,
-         amount_text(None if amount is None else amount * any(kept)))
+         amount_text(None if amount is None or outside else amount * any(kept)))
         for part, motion, amount, kept in (
             *((part, told[part], solution.amounts.get(part), kept) for part, kept in moved),
             *((part, "fixed", None, ()) for part in assembly.fixed),

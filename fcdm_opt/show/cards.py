@@ -37,7 +37,7 @@ from fcdm_opt.show.texts import (
     share_text,
     study_facts,
 )
-from fcdm_opt.show.verdict import instruction, verdict_text
+from fcdm_opt.show.verdict import held_text, instruction, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ def _bound(solution: Bounded, unit: str) -> tuple[str, str]:
     told = bound_text(solution).split("\n")[0]
     if not solution.lower_bound > 0.0:
         return "0", "(nothing is proved)" if solution.amount else unit
-    if math.isinf(solution.lower_bound):
+    if told == "-" or math.isinf(solution.lower_bound):
         return told, ""
     near = "of the mesh" if solution.left_by_mesh else "exact"
     gap = near if proved_least(solution) else f"relative gap {number(solution.gap, 2)}"
@@ -357,9 +357,11 @@ def whatif_card(answer: WhatIf) -> Card:
         ("status before", before.status.words if before.status is not after.status else ""),
     ]
     kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
-    lines = [
-        (each.name, *(_shown(value, kinds.get(each.name, "")) for value in each[1:])) for each in answer.differences
-    ]
+    lines = list[tuple[str, ...]]()
+    for name, *ends in answer.differences:
+        both, held = zip(ends, (before, after), strict=True), name in ("features", "active")
+        texts = (held_text(x or (), own.question) if held else _shown(x, kinds.get(name, "")) for x, own in both)
+        lines.append((name, *texts))
     tables = [(("of the answer", "before", "after"), lines)]
     state, mood = after.status.words, mood_of(after)
     return Card("What if", said=after.advice, facts=facts, tables=tables, state=state, mood=mood)

@@ -164,7 +164,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         for past, (what, gap, at) in zip(beyond, rows, strict=True)
     ], numbers=("gap",), notes=[BEYOND] * any(beyond))  # fmt: skip
     if share is not None:
-        _print_yield(stack, share)
+        _print_yield(stack, share, usual=not any(beyond))
     contributions = contributions_of(stack)
     differs, varies = any(own.worst for own in contributions), any(own.variance for own in contributions)
     print_rows([
@@ -268,10 +268,10 @@ def another_decides(spread: RootSumSquare) -> str:
     )
 
 
-def _print_yield(stack: StackUp, share: GapYield) -> None:
-    """Print how many of the pairs drawn are within the limits."""
+def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
+    """Print how many of the pairs drawn are within the limits; by root sum square where `usual`, in the worst case."""
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
-    print_text(f"{share.share_text}, {spread.share:.4%} by root sum square")
+    print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
         print_text(
             f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
@@ -280,7 +280,7 @@ def _print_yield(stack: StackUp, share: GapYield) -> None:
     low, high = share.interval
     if note := another_decides(spread):
         print_text(note)
-    elif not low - RARE <= spread.share <= high + RARE:
+    elif usual and not low - RARE <= spread.share <= high + RARE:
         print_text("root sum square takes the gap as normal, which it is not: trust the pairs drawn")
     print_text()
 

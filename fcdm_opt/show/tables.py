@@ -10,6 +10,7 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.fit import mismatched
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
@@ -35,6 +36,7 @@ from fcdm_opt.show.texts import (
 from fcdm_opt.show.verdict import (
     contact_text,
     fit_text,
+    held_text,
     labels_in_words,
     no_contact_text,
     range_texts,
@@ -279,10 +281,13 @@ def print_whatif(answer: WhatIf) -> None:
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
     notes += beyond_tolerances(answer.after.question)
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
+    for name, own in (("before", answer.before), ("after", answer.after)):
+        why = verdict_text(own) if isinstance(own.question, Problem) else own.explained
+        notes += [f"{name}: {why}"] * (not own.usable)
     for what in answer.differences:
         if what.name in ("features", "active"):
             ends = zip((what.before, what.after), (answer.before, answer.after), strict=True)
-            old, new = (labels_in_words("; ".join(map(str, each or ["none"])), own.question) for each, own in ends)
+            old, new = (held_text(each or () if own.usable else (), own.question) for each, own in ends)
             notes += [f"{what.name}: {old} -> {new}"] * (old != new)
     print_rows(rows, numbers=("amount",), optional=("pair made",), notes=notes)
 
@@ -409,7 +414,7 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
         "amount": amount_text(seen_amount(solution)),
         "motion": motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),
-        "outcome": outcome_text(solution),
+        "outcome": "does not fit" if mismatched(solution.question) else outcome_text(solution),
     }
 
 

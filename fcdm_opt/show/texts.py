@@ -65,9 +65,9 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def listed(words: Sequence[str]) -> str:
-    """Return words in a row: "a", "a and b", "a, b and c"."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return words in a row: "a", "a and b", "a, b and c"; or with another word before the last."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def shown(value: Any, digits: int = DIGITS) -> str:
@@ -173,8 +173,10 @@ def parameter_texts(problem: Problem, parameters: Mapping[str, float]) -> list[s
 
 
 def motion_text(solution: Bounded, *, unit: bool = True) -> str:
-    """Return the motion found in words, lengths with their unit or without; steps that do nothing are left out."""
+    """Return the motion found in words, without steps that do nothing; "-" of none, or of one that leaves the fit."""
     scene = solution.question
+    if solution.status is Status.OUTSIDE_FIT:
+        return "-"
     if not isinstance(scene, Assembly):
         return steps_text(scene, [*solution.coordinates.values()], unit=unit)
     moved = ((part, scene.motions[part], own) for part, own in values_by_part(solution).items() if any(own))
@@ -209,7 +211,9 @@ def amount_text(amount: float | None, unit: str = "") -> str:
 
 
 def seen_amount(solution: Bounded) -> float:
-    """Return the amount found, 0 of motions that are rounding, see `telling`."""
+    """Return the amount found, 0 of motions that are rounding, see `telling`, nan of one that leaves the fit."""
+    if solution.status is Status.OUTSIDE_FIT:
+        return math.nan
     found = solution.status.found
     return solution.amount * (not found or any(telling(solution.question, [*solution.coordinates.values()])))
 
@@ -222,7 +226,9 @@ def proved_least(solution: Bounded) -> bool:
 
 
 def bound_text(solution: Bounded) -> str:
-    """Return the lower bound, rounded down, and below it how near the amount it comes."""
+    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" outside the fit."""
+    if solution.status is Status.OUTSIDE_FIT:
+        return "-"
     if not math.isfinite(solution.lower_bound):
         return "impossible"
     if not solution.lower_bound > 0 or seen_amount(solution) == 0.0:
@@ -248,7 +254,7 @@ def outcome_text(solution: Bounded) -> str:
     return "verified" if solution.usable else solution.status.words
 
 
-IMPOSSIBLE = re.compile(r"(Proved impossible with this motion)[^.]*\.")
+IMPOSSIBLE = re.compile(r"(Proved impossible with this motion|The motion leaves the fit)[^.]*\.")
 
 
 def advised(case: SolvedCase) -> str:
@@ -277,7 +283,7 @@ def _with_sizes(solution: Solution) -> str:
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
     names, axis = sizes_that_lack(solution.problem), mending_turn(solution.problem)
-    cures = [f"change {' or '.join(names)}"] * bool(names)
+    cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {Rotation(tuple(axis.tolist())).told_line(1.0).lstrip('+-')}")
     if not cures:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 
 CONTACTS, NAME = 3, 72
 """Contacts that are told one by one where there are no more, and letters of a body's name."""
+
+CONVEX_PART = re.compile(r"convex part \d+ of ")
 
 EXACT = 1e-3
 """Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
@@ -133,7 +136,7 @@ def answer_text(solution: Solution) -> str:
     problem = solution.problem
     head = f"{problem.name}: " * bool(problem.name)
     row = f"{asked_text(problem)}, goal {goal_text(problem)}"
-    if solution.status.found:
+    if solution.status.found and solution.status.name != "OUTSIDE_FIT":
         amount = amount_text(seen_amount(solution), problem.amount_unit)
         row += f": {motion_text(solution)}; amount {amount}, proved at least {bound_line(solution)}; "
         row += f"pair made {solution.pair_state}; {outcome_text(solution)}"
@@ -338,6 +341,14 @@ def labels_in_words(text: str, scene: Scene) -> str:
         bodies = (problem.movable, problem.static) if exact else drawn_bodies(problem)
         text = Feature.all_in_words(text, *bodies, keep_outs, head)
     return text
+
+
+def held_text(labels: Sequence[str], scene: Scene) -> str:
+    """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
+    told = (labels_in_words(str(own), scene) for own in labels)
+    whole = dict.fromkeys(CONVEX_PART.sub("", own).replace("stays apart", "kept apart") for own in told)
+    more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
+    return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
 
 
 def fit_text(problem: Problem) -> str:

@@ -193,6 +193,30 @@ def test_pairs_that_the_error_of_the_map_leaves_undecided_widen_the_interval():
     unknown = linear(1.0, 0.0, errors=(math.nan, math.nan))
     found = assembly_yield(unknown, sizes=pairs, budget=0.7, count=10)
     assert (found.undecided, found.interval) == (1.0, (0.0, 1.0))
+    assert math.isnan(found.share)  # 70 of 101 are as near to the budget as nothing is known
+
+
+@pytest.mark.parametrize("error", [0.0001, 0.0505, 0.6])
+def test_a_yield_is_told_as_well_as_it_is_known(error):
+    """Of amounts 0, .01, ... 1 and a budget of .7, so many are within the map's error of that: with most of them the
+    yield is not known ("100.0% pass, 0.0% to 100.0%"), with some it is a range."""
+    shares = np.linspace(0.0, 1.0, 101)
+    pairs = np.column_stack([LOW_1 + shares * WIDTH_1, np.ones(101)])
+    found = assembly_yield(linear(1.0, 0.0, errors=(error, 9.0)), sizes=pairs, budget=0.7005, count=10)
+    surely, possibly = (shares + error <= 0.7005).sum(), (shares - error <= 0.7005).sum()
+    undecided, words = (possibly - surely) / 101, str(found)
+    assert found.undecided == pytest.approx(undecided)
+    low, high = (f"{end:.1%}" for end in found.interval)
+    if undecided > 0.5:
+        assert words.startswith("how many of 101 pairs pass (a motion of at most 0.7005) is not known; ")
+        assert f"; {undecided:.1%} are undecided: the map is not exact enough there" in words
+        assert "100.0%" not in words
+        assert math.isnan(found.share)
+        assert all(math.isnan(own.share_without) for own in found.contributions[1:])
+    elif undecided >= 0.01:
+        assert words.startswith(f"of 101 pairs (a motion of at most 0.7005) {low} to {high} pass (95 % confidence); ")
+    else:
+        assert words.startswith("70.3% of 101 pairs pass")
 
 
 def test_pairs_beyond_the_maps_ends_were_counted_as_failing():

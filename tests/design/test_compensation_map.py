@@ -163,6 +163,10 @@ def test_a_spent_budget_is_told():
     at = found.at(*pairs(found, 100, 6).T)
     assert np.isfinite(at.amount).all()
     assert (at.region >= 0).all()
+    more = 3 * found.solved // 2  # it was said to be too few, or the time short, with some left
+    found = compensation_map(slab(), budget=more, error=1e-9)
+    assert found.solved < more
+    assert f"(asked for 1e-09: half of {more} solves is for boundaries of regions alone, largest near" in str(found)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from itertools import product
 from math import comb
@@ -539,6 +540,25 @@ def test_a_mean_of_nothing_and_what_is_beyond_the_worst_case_were_not_marked() -
     assert "+ 3 sigma" in marked[0]
     assert "+0.09 *" in marked[0]
     assert "* beyond the worst case" in told
+    with console().capture() as said:
+        print_stack(stack, stack.yield_(1000))
+    assert "pairs drawn" in said.get()
+    assert "by root sum square" not in said.get()  # .38 % stood beside 98 %
+
+
+def test_a_face_that_is_none_is_told_with_its_line_by_faces_too(tmp_path: Path) -> None:
+    """It was 'drawn is refused: contacts[2]...', without the file."""
+    path, text = tmp_path / "own.toml", (PROBLEMS / "slot_and_key.toml").read_text(encoding="utf-8")
+    size = text[text.index("[[size]]") :]
+    wrong = re.sub(r"faces = .*", 'faces = ["F99"]', size, count=1)
+    path.write_text(text.replace(size, wrong).replace('"meshes/', f'"{PROBLEMS}/meshes/'), encoding="utf-8")
+    places = []
+    for command in ("solve", "faces"):
+        told = CliRunner().invoke(app, [command, str(path)]).stderr
+        assert "'F99'" in told
+        places += re.findall(r"own\.toml:\d+", told)[:1]
+    assert len(places) == 2
+    assert places[0] == places[1]
 
 
 def test_gaps_of_arrays_by_name_broadcast_and_a_stack_prints_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:

@@ -77,7 +77,14 @@ def off(points, triangles):
     return "\n".join(["OFF", f"{len(points)} {len(triangles)} 0", *rows]).encode()
 
 
-FORMATS = {"stl": binary_stl, "text.stl": text_stl, "off": off}
+def decimals(points, triangles):
+    """An OFF file as a boolean operation in single precision leaves it, written with 10 decimals."""
+    rows = ["{:.10f} {:.10f} {:.10f}".format(*own) for own in points.astype(np.float32).tolist()]
+    faces = [f"3 {a} {b} {c}" for a, b, c in triangles.tolist()]
+    return "\n".join(["OFF", f"{len(points)} {len(triangles)} 0", *rows, *faces]).encode()
+
+
+FORMATS = {"stl": binary_stl, "text.stl": text_stl, "off": off, "decimals.off": decimals}
 
 
 def read(tmp_path, name, kind, points, triangles):
@@ -177,6 +184,70 @@ def test_keep_outs_and_assemblies_match_too(tmp_path):
         motions={"plug": fo.Translation(tuple(turn[:, 2]))},
     )
     assert fo.solve_assembly(assembly).amount == pytest.approx(amount, abs=4e-6)
+
+
+def dovetail():
+    """A base, a slide on it that leaves room for a gib of 5 at one flank of 60 degrees, and the gib: all touch."""
+    slope, wide = 1.0 / np.sqrt(3.0), 10.0 / np.sqrt(3.0)
+
+    def prism(outline, length):
+        turned = m3.CrossSection([outline]).extrude(length).rotate([90.0, 0.0, 0.0])
+        return turned.translate([0.0, length / 2.0, 0.0])
+
+    foot = 30.0 - 15.0 * slope
+    base = [(-30, 0), (-foot, -15), (-60, -15), (-60, -35), (60, -35), (60, -15), (foot, -15), (30, 0)]
+    end = 30.0 - 14.0 * slope
+    room = 35.0 + wide - 5.0  # the gib's back, and .1 of air
+    left = [(-58, 20), (-58, -14), (-end, -14), (-30, 0)]
+    right = [(room + 0.1, 0), (room + 0.1 - 14.0 * slope, -14), (58, -14), (58, 20)]
+    upper, lower = (30.0 - z * slope for z in (0.5, 13.5))
+    gib = [(upper, -0.5), (lower, -13.5), (lower + wide, -13.5), (upper + wide, -0.5)]
+    outlines = (base, 100.0), (left + right, 80.0), (gib, 80.0)
+    return [prism(sorted_round(own), length) for own, length in outlines]
+
+
+def sorted_round(outline):
+    """Corners of an outline counterclockwise."""
+    x, y = np.array(outline, float).T
+    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    return [tuple(map(float, own)) for own in (outline if area > 0 else outline[::-1])]
+
+
+def test_numbers_of_single_precision_with_all_decimals_are_no_exact_ones(tmp_path):
+    """A dovetail with a gib, from files of 10 decimals, two of which were of single precision before: "lose each other
+    by 6.4e-07 mm. Proved impossible". All contacts are met as drawn; a flank .03 thicker moves the slide by .03 / sin
+    60 degrees."""
+    base, slide, gib = (arrays(own, np.eye(3), 0.0) for own in dovetail())
+    bodies = {name: read(tmp_path, name, "decimals.off", *own) for name, own in (("base", base), ("slide", slide))}
+    bodies["gib"] = read(tmp_path, "gib", "off", gib[0].round(10), gib[1])
+    assert bodies["gib"].rounding == 0.0
+    assert all(0.0 < bodies[name].rounding < 1e-5 for name in ("base", "slide"))
+    flank = next(k for k, n in enumerate(bodies["slide"].face_planes[0]) if np.allclose(n, (np.sqrt(0.75), 0, 0.5)))
+    assembly = fo.Assembly(
+        bodies,
+        [("slide", "base"), ("gib", "base"), {"parts": ["gib", "slide"], "goal": "clear"}],
+        motions={"slide": fo.Translation("x") >> fo.Translation("z"), "gib": fo.Translation("x")},
+        sizes=[fo.Size("flank", "slide", faces=[f"F{flank + 1}"], tolerance=0.03)],
+    )
+    assert fo.solve(assembly).amount <= 1e-9
+    made = fo.solve(assembly.changed(made={"flank": 0.03}))
+    assert made.usable
+    assert made.amount == pytest.approx(0.03 / np.sqrt(0.75), abs=1e-6)
+
+
+@pytest.mark.parametrize(("decimals", "single"), [(8, True), (10, True), (5, False)])
+def test_digits_that_may_be_of_either_precision_are_taken_as_they_are(tmp_path, decimals, single):
+    """Rounded to 5 decimals, both are alike: nothing tells that one was of single precision."""
+    points = trimesh.creation.box((20, 30, 40)).vertices + np.array([12.3456789, 1 / 3, 77.7777777])
+    triangles = np.array(trimesh.creation.box((20, 30, 40)).faces)
+    found = []
+    for own in (points, points.astype(np.float32).astype(float)):
+        rows = [" ".join(f"{x:.{decimals}f}" for x in point) for point in own.tolist()]
+        faces = [f"3 {a} {b} {c}" for a, b, c in triangles.tolist()]
+        path = tmp_path / "box.off"
+        path.write_text("\n".join(["OFF", f"{len(rows)} {len(faces)} 0", *rows, *faces]))
+        found.append(fo.Body.from_file(path, unit="mm").rounding > 0.0)
+    assert found == [False, single]
 
 
 def test_single_precision_far_from_the_origin_is_not_called_exact(tmp_path):

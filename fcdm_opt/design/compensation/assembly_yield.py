@@ -38,7 +38,8 @@ MOST_HELD = 2_000_000
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = {"impossible": "have no motion", "undecided": "are undecided: the map is not exact enough there"}
-COARSE = 0.01  # width of an interval of shares from which on tenths of a per cent are told
+COARSE = 0.01  # width of an interval of shares from which on tenths of a per cent are told; undecided: the range only
+UNKNOWN = 0.5  # share of pairs that are undecided above which that of those that pass is not known
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class AssemblyYield(Plain, NotebookRepr):
     ----------
     share : float
         Pairs whose amount passes, of those within the map's box; an amount that is not known does not. nan where there
-        are none.
+        are none, or more than half are `undecided`.
     interval : pair of float
         Holds the true share of all pairs with at least the `confidence` asked for (Clopper-Pearson); pairs that are
         `undecided`, or `outside` the map's box, fail for its lower end and pass for its upper one.
@@ -156,10 +157,13 @@ class AssemblyYield(Plain, NotebookRepr):
         places = 4 if high - low < COARSE else 1  # no more than is known
         within, least = round((1.0 - self.outside) * self.count), measured(self.budget, self.unit)
         does = f"a motion of at most {least}" if math.isfinite(self.budget) else "a motion within the limits"
-        words = [f"{self.share:.{places}%} of {within} pairs pass ({does})"] if within else []
         apart = f", whether or not the {self.outside:.4%} beyond the map's ends do" if self.outside else ""
         sure = f"{100.0 * self.confidence:.6g} % confidence"
-        words.append(f"of all such pairs {low:.{places}%} to {high:.{places}%} pass ({sure}){apart}")
+        ends = f"{low:.{places}%} to {high:.{places}%} pass ({sure}){apart}"
+        words = [f"{self.share:.{places}%} of {within} pairs pass ({does})", f"of all such pairs {ends}"][not within :]
+        if self.undecided >= COARSE:
+            unknown = f"how many of {within} pairs pass ({does}) is not known"
+            words = [unknown if self.undecided > UNKNOWN else f"of {within} pairs ({does}) {ends}"]
         words += [f"{getattr(self, what):.{places}%} {text}" for what, text in OTHERS.items() if getattr(self, what)]
         return "; ".join((*words, *self._distribution_text, *self.known_to))
 
@@ -257,17 +261,17 @@ def assembly_yield(
         indices, deviations = sobol_indices(here, one, other, there) if varies else np.full((2, 2), np.nan)
         (first, total), (first_error, total_error) = indices.tolist(), deviations.tolist()
         fixed = looked_up(held)
-        without = math.nan if fixed.unknown.any() else fixed.share
+        without = math.nan if fixed.unknown.any() or fixed.undecided > UNKNOWN else fixed.share
         contributions.append(Contribution(body, first, first_error, total, total_error, without))
     return AssemblyYield(
-        share=points.share,
+        share=math.nan if points.undecided > UNKNOWN else points.share,
         interval=(low, high),
         confidence=float(confidence),
         count=of,
         passed=int(points.passed.sum()),
         outside=float(points.outside.mean()),
         impossible=float((np.isnan(points.amount) & ~points.outside & ~points.unknown).mean()),
-        undecided=(possibly - surely) / of - float(points.outside.mean()),
+        undecided=points.undecided,
         budget=most,
         limits=kept,
         quantiles=dict(zip(SHARES, quantiles.tolist(), strict=True)),
@@ -310,6 +314,11 @@ class _LookedUp(NamedTuple):
     def share(self) -> float:
         """Those that pass, of all that are not outside; nan without any."""
         return float(np.mean(self.passed[~self.outside])) if not self.outside.all() else math.nan
+
+    @property
+    def undecided(self) -> float:
+        """Those that may pass or not, of all."""
+        return float(np.mean(self.possibly & ~self.surely & ~self.outside))
 
 
 def _looked_up(sizes_map: Any, most: float, limits: Mapping[int, tuple[float, float]], made: Array) -> _LookedUp:

@@ -86,13 +86,13 @@ class RefinedMesh(SizeMesh):
                 self._leave(simplex)
 
     def _held_back(self) -> list[MeshEdge]:
-        """Return the shortest of the edges that are to be split: what would be new about them all takes too long."""
+        """Return the shortest of the edges that are to be split, never all: what is new about these takes too long."""
         counts = Counter(ends for simplex in self.simplices for ends in simplex.edges)
         cut = [ends for ends in counts if (edge := self.edges.get(ends)) and edge.must]
         cut.sort(key=self.length, reverse=True)
         room = self.made * (1.0 / self.sampler.effort - 1.0)
         taken = np.cumsum([2 * counts[ends] for ends in cut])
-        return [self.edges[ends] for ends, cost in zip(cut, taken, strict=True) if cost > room]
+        return [self.edges[ends] for ends, cost in zip(cut[1:], taken[1:], strict=True) if cost > room]
 
     def _run(self, searches: Sequence[Asking[None]], *, last: bool = False) -> list[bool]:
         """Run searches side by side: what they ask for is solved in one go; tell which came to their end."""

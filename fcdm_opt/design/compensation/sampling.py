@@ -144,9 +144,11 @@ class Sampler:
 
     @property
     def short(self) -> str:
-        """Which of budget and time is the shorter, in words."""
+        """Which of budget and time is the shorter, in words; with some left what it is kept for."""
         late = self._time >= len(self.known) / self.budget
-        return f"the time given, {self._given:.3g} s, is short" if late else f"{self.budget} solves are too few"
+        given = f"the time given, {self._given:.3g} s," if late else f"{self.budget} solves"
+        short = f"{given} {'is short' if late else 'are too few'}"
+        return short if self.spent else f"half of {given} is for boundaries of regions alone"
 
     @property
     def rough(self) -> bool:
