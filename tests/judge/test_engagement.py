@@ -739,7 +739,7 @@ def test_widths_are_of_the_true_faces_where_the_body_made_is_cut_anew(
 def test_widths_were_said_to_prove_that_no_motion_does() -> None:
     """They are along two walls: a shift that is slanted may part others. A claim of it is the solver's to make."""
     peg, plate = fo.Box((2.0, 2.0, 3.0), name="peg"), fo.cut(fo.Box((6, 6, 2)), fo.Box((2.02, 2.02, 4)), name="plate")
-    narrow = {"motion": fo.Translation("x"), "limits": {"TX": (-1.0, 1.0)}}
+    narrow: dict[str, Any] = {"motion": fo.Translation("x"), "limits": {"TX": (-1.0, 1.0)}}
     problem = fo.Problem(peg, plate, tolerance=0.02, requirement="B", goal="touch", **narrow)
     none = fo.solve(problem)
     assert none.status is Status.INFEASIBLE
