@@ -194,7 +194,7 @@ def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) ->
 
     signs = [(j, sign) for j, own in enumerate(held) for sign in ((1.0, -1.0) if own.free else (1.0,))]
     lengths = np.linalg.norm(slopes, axis=1)
-    signs = [(j, sign) for j, sign in signs if lengths[j] > 0.0]
+    signs = [(j, sign) for j, sign in signs if lengths[j] > DEFAULT.tie]
     size = float(np.linalg.norm(gradient))
     if not signs or not size > 0.0:
         return np.empty(0, np.int64), np.empty(0)

@@ -167,7 +167,9 @@ def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], to
     owners = [-1] * len(pieces)
     for owner, rate in enumerate(constraints):
         slope = rate.slope / task.weights
-        length = float(np.linalg.norm(slope)) or 1.0
+        length = float(np.linalg.norm(slope))
+        if length <= DEFAULT.tie:  # no motion changes it, but for rounding
+            slope, length = 0.0 * slope, 1.0
         for sign in (1.0, -1.0) if rate.free else (1.0,):
             columns.append(np.append(sign * slope / length, 0.0))
             factors.append(sign * unit / length)

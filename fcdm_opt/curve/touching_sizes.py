@@ -31,10 +31,12 @@ from fcdm_opt.curve.region import Region
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
+from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.resizing import MovingPart, Resizing
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
 
+CLOSEST = 64  # part pairs apart whose corners bound the least gap
 MOST_TRIPLES = 40  # facets of a part that changes its shape within the box: all its triples are corners then
 ANSWERS = 200  # of a game over sizes, after which a linear program is asked
 SAMPLES = 64  # sizes at which rows are seen to bind before any linear program is asked
@@ -156,7 +158,7 @@ class TouchingSizes:
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
-        counted = [own for own in np.ndindex(len(sides[0]), len(sides[1])) if own not in without]
+        counted = [own for own in _near_enough(sides, box, DEFAULT.tie * size) if own not in without]
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
         always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
@@ -499,6 +501,24 @@ def _pair(
             mine = one.supporting(i, normals[k]) if swapped else ("F", i)
             elements.append((mine, ("F", j) if swapped else two.supporting(j, -normals[k])))
     return PairRows(parts, values[kept], normals[kept], elements)
+
+
+def _near_enough(sides: Sequence[Sequence[_PosedPart]], box: Array, slack: float) -> list[tuple[int, int]]:
+    """Return the part pairs that may be the nearest within the box, by boxes about parts and distances of corners.
+
+    Only pairs that are surely apart bound the least gap: others may be closed at all sizes, and not counted.
+    """
+    middle, half = _centred(box)
+    each = [[(own.points + own.moves @ middle, np.abs(own.moves) @ half) for own in side] for side in sides]
+    lows = [np.array([(x - room).min(axis=0) for x, room in side]) for side in each]
+    highs = [np.array([(x + room).max(axis=0) for x, room in side]) for side in each]
+    apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
+    order, largest = np.argsort(apart, axis=None), np.inf
+    for i, j in zip(*np.unravel_index(order[apart.ravel()[order] > slack][:CLOSEST], apart.shape), strict=True):
+        (x, room), (y, other) = each[0][i], each[1][j]
+        off = norms(x[:, None] - y) + norms(room)[:, None] + norms(other)
+        largest = min(largest, float(off.min()))
+    return [*zip(*(rows.tolist() for rows in np.nonzero(apart <= largest)), strict=True)]
 
 
 def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
+from fcdm_opt.geometry.arrays import Array, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
@@ -39,7 +39,6 @@ ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
-SHIFTED = 16  # sizes at which faces are looked at that several sizes shift
 KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points of a time are one
 ROLES = "movable", "static"
@@ -57,7 +56,7 @@ def touching_true_faces(
     along = (how.get("shifts") or (np.empty((0, 3)),))[0]
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        apart, met = at_all.apart(pose), at_all.normals_met(pose)
+        apart, met = at_all.apart(), at_all.normals_met(pose)
         every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, normals=met, **how)
         found = at_all.all_around(at_all.counted(every), pose, along)
         ends = [own[::-1] for own in (found.least(), found.largest())]
@@ -268,12 +267,6 @@ class TrueSizes:
             found[row, k] = box[k, end]
         for k, outwards in (each for own in self.faces for each in own.offsets.items()):
             found[1, k] = box[k, int(outwards)]
-        if len(columns) > 1:  # together they shift a round face in all directions
-            from scipy.stats.qmc import Sobol
-
-            around = np.tile(place, (SHIFTED, 1))
-            around[:, columns] = box[columns, 0] + Sobol(len(columns), rng=0).random(SHIFTED) * np.ptp(box[columns], 1)
-            found = np.vstack([found, around])
         return [own for own in np.unique(found, axis=0) if (own != place).any()]
 
     def _exact(self) -> tuple[Body, Body]:
@@ -282,8 +275,8 @@ class TrueSizes:
         assert two is not None
         return one, two
 
-    def apart(self, pose: Array | None = None) -> list[tuple[int, int]]:
-        """Return part pairs that are not looked at: far apart at all sizes at a pose, or of pieces that meet others."""
+    def apart(self) -> list[tuple[int, int]]:
+        """Return part pairs that are not looked at: of pieces that meet others."""
         pieces, firsts = list[list[int | None]](), list[int]()
         for body, points in zip(self.bodies, self.points, strict=True):
             own = () if body.exact is None else body.exact.pieces
@@ -292,24 +285,11 @@ class TrueSizes:
             numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
             pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
         meeting = {*zip(*pieces, strict=True)}
-        far = np.zeros([len(body.parts) for body in self.bodies], bool) if pose is None else self._far(pose)
         return [
-            (i, j) for i, j in np.ndindex(far.shape)
-            if far[i, j] or ((i >= firsts[0] or j >= firsts[1]) and (
-                i if i >= firsts[0] else None, j if j >= firsts[1] else None) not in meeting)
+            (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
+            if (i >= firsts[0] or j >= firsts[1])
+            and (i if i >= firsts[0] else None, j if j >= firsts[1] else None) not in meeting
         ]  # fmt: skip
-
-    def _far(self, pose: Array) -> Flags:
-        """Tell which part pairs are further apart than the nearest vertices at all sizes, (parts 1, parts 2)."""
-        from scipy.spatial import cKDTree
-
-        placed = [[part.vertices for part in body.parts] for body in self.bodies]
-        placed[0] = [own @ pose[:3, :3].T + pose[:3, 3] for own in placed[0]]
-        lows, highs = ([np.array([end(own, axis=0) for own in each]) for each in placed] for end in (np.min, np.max))
-        apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
-        off = cKDTree(np.concatenate(placed[1])).query(np.concatenate(placed[0]))[0]
-        off = off[off > DEFAULT.tie * self.size]  # corners in common may be of faces that are closed at all sizes
-        return np.asarray(apart > off.min(initial=np.inf) + 2.0 * self.largest_move)
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""

@@ -137,7 +137,8 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
-        other.__dict__.pop("_boxes", None)
+        for known in ("_boxes", "_off_triangles", "rims"):
+            other.__dict__.pop(known, None)
         other._join(unit_normals(corners))
         return other
 

@@ -268,7 +268,7 @@ class Size(Plain):
         share = "a share: 0.003 is 0.3 %" if self.scale is not None else "a length in the file's unit"
         allowed = f"{share}; (low, high) with low <= high, or one number t for (-t, t)"
         if isinstance(told, str) and re.fullmatch(r"\s*\d*\s*[A-Za-z]{1,2}\d{1,2}\s*", told):
-            allowed = "the limits that ISO 286 has for it at this diameter: g6 at 20 mm is [-0.020, -0.007]"
+            allowed = "the limits that ISO 286 has for it at the diameter, as [-0.020, -0.007] of g6 at 20 mm"
             raise self._refused("letters of a fit are not known here", "tolerance", told, allowed)
         if isinstance(told, str):
             what = "a scale has no unit: divide by the length that it is of" if self.scale else "a number without unit"

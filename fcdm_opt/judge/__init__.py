@@ -2,7 +2,6 @@
 
 certificate      every check of a solution
 claimed_contact  one claimed contact under examination
-only_motion      whether several contacts leave no other motion
 whole            what was not modelled: the surfaces of the bodies as drawn
 sampled_sizes    what is said of many sizes, where parts are made anew
 engagement       whether a motion leaves the fit in which the parts are drawn

@@ -107,14 +107,7 @@ def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tupl
     try:
         with pacing.judging():
             solution = fitting(solution)
-            certificate = verify(solution)
-            while ONLY in {own.name for own in certificate.failed}:  # the intervals here show less than the solver's
-                half = 0.5 * cast("Solution", solution).unique_within
-                if not half >= solution.amount:  # what is proved rests on it
-                    break
-                solution = replace(solution, unique_within=half)  # type: ignore[call-arg]
-                certificate = verify(solution)
-            return solution, certificate
+            return solution, verify(solution)
     except pacing.TimeOverError as over:
         untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
         return replace(solution, stopped=solution.stopped or str(over)), Certificate((untold,))
@@ -196,8 +189,8 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     # by the equations of contacts, with what keeps parts apart where nothing turns, or as a motion that restores them,
     # which is no smaller, is the only one that near. Of another amount than the weighted one as the only one that the
     # limits allow, or in a box outside of which all cost more
-    from fcdm_opt.judge.only_motion import none_shorter, none_smaller, only_motion
     from fcdm_opt.proof.checker import least_outside
+    from fcdm_opt.proof.uniqueness import none_shorter, none_smaller, only_motion
 
     if not isfinite(amount):
         few = sum(len(own.movable.parts) * len(own.static.parts) for own in problems) <= FEW_PAIRS
@@ -614,7 +607,7 @@ class _Judge:
         claimed = self.solution.unique_within
         if claimed == 0.0:
             return []
-        from fcdm_opt.judge.only_motion import only_motion
+        from fcdm_opt.proof.uniqueness import only_motion
 
         proved = only_motion((self.problem,), self.q, claimed)
         return [Check(ONLY, proved, claimed, claimed, "half width of the box of weighted parameters")]

@@ -16,13 +16,13 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.judge.one_contact import FAR, ROUNDED, OneContact, lagrangian_bounds
-from fcdm_opt.judge.only_motion import equations
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check, Solution
 from fcdm_opt.proof.checker import Examiner, filled_box
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
+from fcdm_opt.proof.uniqueness import equations
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_BOXES = 150  # about one contact

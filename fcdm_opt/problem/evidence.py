@@ -166,7 +166,7 @@ class Evidence(ProofData):
 class SharedBound(Plain):
     """What is claimed of contacts that share motions: none of a smaller amount restores them.
 
-    The judge proves it anew, see `fcdm_opt.judge.only_motion`.
+    The judge proves it anew, see `fcdm_opt.proof.uniqueness`.
 
     Attributes
     ----------

@@ -7,4 +7,5 @@ exclusion        why no motion of a cell will do
 columns          the search: columns of directions, whose fronts advance by cells
 checker          the independent check of what a proof rests on: `conditions` in the pose, bounded over cells by
                  their slopes (`mean_value`) in interval arithmetic (`intervals`)
+uniqueness       whether a motion that restores contacts is the only one, or none is smaller: for stages and judge
 """

@@ -45,21 +45,6 @@ def separation(kind: int) -> Expression:
 
 
 @cache
-def distance(body: int) -> Expression:
-    """Given (u, x, y, s, 1 / 2 s): (|v|^2 - (u . v)^2 - s^2) / 2 s, v from the axis u of a body to a point."""
-    # 0 where a point of one body is at a distance s from an axis of the other, or, with u = 0, from a point
-
-    def build(R: Any, d: Any, p: Any) -> Any:
-        import casadi
-
-        between = d + p[6:9] - R @ p[3:6]
-        v, u = (between, R @ p[:3]) if body == 0 else (-between, p[:3])
-        return (casadi.dot(v, v) - casadi.dot(u, v) ** 2 - p[9] ** 2) * p[10]
-
-    return Expression.of(11, build)
-
-
-@cache
 def height(kind: int, body: int) -> Expression:
     """Given (u, w, x): n . R x, or -n . x for a point of body 2: how far a point reaches towards the other body."""
     if body == 0:

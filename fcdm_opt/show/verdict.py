@@ -80,7 +80,10 @@ def _refused_text(solution: Solution) -> str:
     problem = solution.problem
     widths = verdict(problem)
     if widths:
-        return f"{widths}; no such motion brings them together" if not solution.status.found else widths
+        if solution.status.name == "INFEASIBLE":
+            return f"{widths}; no such motion brings them together"
+        known = solution.status.found or solution.stopped or solution.status.name not in REFUSED
+        return widths if known else f"{REFUSED[solution.status.name]}; {widths}"
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
         proved = " (proved)" * (not solution.left_by_mesh)

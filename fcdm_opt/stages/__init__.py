@@ -2,7 +2,7 @@
 
 order            all stages in their order, and the rule that the first to settle a task answers it
 contact_system   several contacts restored at once
-linear           motions in which all that is asked is linear: contacts brought to the target pair; translations
+linear           motions in which all that is asked is linear: contacts brought to the target pair; one translation
 turns            translations with rotations about the seed (`turned_cells`)
 descent          least distance steps over contact rows (`compiled`)
 best_first       the least motion under linear conditions with alternatives

@@ -18,7 +18,9 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.stages import compiled
 from fcdm_opt.tolerances import DEFAULT
 
-MOST_NODES, FARTHEST = 2000, 1e6  # nodes that `nearest_on` looks at, and the length beyond which nothing is of interest
+# Nodes that `nearest_on` looks at, times as many as the most alternatives of one of several groups; those of a single
+# one are tried the nearest first. And the length beyond which nothing is of interest.
+MOST_NODES, MOST_WAYS, FARTHEST = 2000, 500_000, 1e6
 
 
 class Rows(NamedTuple):
@@ -195,7 +197,9 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     if not len(free) or not (len(left.groups) or beyond):
         return centre, True
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
-    least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=MOST_NODES, most=FARTHEST)
+    sizes = np.diff(left.groups, append=len(left.alternatives))
+    nodes = min(MOST_NODES, MOST_WAYS // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
+    least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=nodes, most=FARTHEST)
     return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import operator
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import reduce
 from time import perf_counter
 
 import numpy as np
@@ -24,9 +22,9 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.columns import farthest, prove
 from fcdm_opt.proof.exclusion import tested_vertices
 from fcdm_opt.stages import direction_search, separating_directions
+from fcdm_opt.stages.contact_system import translations
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
-from fcdm_opt.stages.linear import translations
 from fcdm_opt.stages.rays import ON_THE_WAY, on_a_ray
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
@@ -202,14 +200,8 @@ def _unturned(task: Task) -> list[Array]:
     if not separating_directions.suits(task) or not turning.any() or turning.all() or not task.allows(task.rest):
         return []
     still = replace(task, limits=frozen(np.where(turning[:, None], 0.0, task.limits)))
-    shifts = [Translation(tuple(own.tolist())) for own in task.motion.shift_directions if own is not None]
-    if len(shifts) == (~turning).sum() > 1:  # exact
-        motion = reduce(operator.rshift, shifts)
-        least = translations(replace(task, motion=motion, weights=task.weights[~turning], limits=task.limits[~turning]))
-        if least is not None and least.q is not None:
-            q = task.rest
-            q[~turning] = least.q
-            return [q]
+    if (least := translations(still)) is not None and least.q is not None:  # exact
+        return [least.q]
     found = separating_directions.descended(still, task.start, LARGE * task.size)
     return [] if found is None else [found.motion]
 

@@ -35,9 +35,10 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.checker import least_outside
 from fcdm_opt.proof.exclusion import Exclusion
-from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, unique, widest_unique
+from fcdm_opt.proof.uniqueness import equations_at, excluded, least_amount, widest_unique
 from fcdm_opt.stages.best_first import FARTHEST, Choices, Rows, nearest_on
 from fcdm_opt.stages.forbidden_shifts import POLISHED, SHARPENED, ForbiddenShifts
+from fcdm_opt.stages.relaxation import choices as choices_of_features
 from fcdm_opt.stages.separating_directions import Linearised
 from fcdm_opt.tolerances import DEFAULT
 
@@ -52,7 +53,7 @@ TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
 OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
-SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-10)  # of an amount, to be proved
+SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
 MARGIN = 0.99  # of a proved amount: how much of it another proof is to show
 MOST_BOXED, WIDER = 4, 1e-9  # parameters of which boxes are tried; how much wider than all motions may be
@@ -61,6 +62,8 @@ LEAST_SHORT = 1e-5  # relative, to which it is narrowed in how much parts overla
 MOST_VIOLATED = 3  # conditions that are told to be violated
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
+TRANSLATIONS = "1: translations, best first over separating directions"
+BATCH_SIZE = 16  # part pairs of many that are taken up together, the nearest first
 
 
 def contact_system(task: Task) -> Answer | None:
@@ -93,41 +96,62 @@ def violated(question: Scene) -> tuple[str, ...]:
     return () if asked.conflicts else asked.violated
 
 
+def translations(task: Task) -> Answer | None:
+    """Return the least of several translations that undoes all overlaps, keeps clearances, and touches if asked; exact.
+
+    The shifts that bring two parts nearer than a clearance are a convex set, see `ForbiddenShifts`.
+    """
+    best = among_others(task) if task.goal in ("touch", "clear") and len(task.weights) > 1 else None
+    if best is None or best.q is None or (task.pair_gaps(best.q) >= task.needs - DEFAULT.cut * task.size).all():
+        return best
+    for relaxation in choices_of_features(task, best.q, near=True):  # off corners the amount is exact, where it is less
+        polished = relaxation.smallest([best.q], "sqpmethod")
+        if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
+            amount = polished.amount
+            best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
+    return best
+
+
 def among_others(task: Task) -> Answer | None:
-    """Return the least shift that brings tracked lines to the target pair and keeps other parts apart; exact.
+    """Return the least shift that brings tracked lines to the target pair, if any, and keeps other parts apart; exact.
 
     None where that is not sure, and where parameters that may change turn.
     """
     moving = (task.limits != 0).any(axis=1)
     directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
-    if task.goal not in ("at", "seat") or not directions or any(own is None for own in directions):
+    if task.goal == "beyond" or not directions or any(own is None for own in directions):
         return None
     motion = reduce(rshift, (Translation(tuple(own.tolist())) for own in directions if own is not None))
     shifted = replace(task, motion=motion, weights=task.weights[moving], limits=task.limits[moving], resolution=None)
+    if task.goal == "touch" and not task.keep_out and task.gap(task.rest) <= 0.0 and task.allows(task.rest):
+        shifted = replace(shifted, goal="clear", pair="any", clearance=0.0)  # it touches as soon as nothing overlaps
     own = System(shifted, (*task.tracked, *task.untracked))
     z, bound = least([own])
     if z is None:
-        return Answer(Status.INFEASIBLE, None, LINEAR, np.inf) if np.isinf(bound) else None
+        return Answer(Status.INFEASIBLE, None, own.stage, np.inf) if np.isinf(bound) else None
     q = task.rest
     q[moving] = own.q(z)
     answer = _answered(own, z, bound)
-    exact = bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) and task.meets(q, DEFAULT.requirement)
-    return replace(answer, q=q) if exact else None
+    exact = bound >= np.linalg.norm(z) * (1.0 - DEFAULT.nominal) or not own.features
+    return replace(answer, q=q) if exact and task.meets(q, DEFAULT.requirement) else None
 
 
 def _answered(own: System, z: Array, bound: float) -> Answer:
     """Return a motion that restores all contacts as the answer; see `least`."""
-    task, q = own.task, own.q(z)
-    count = len(task.joints) or 1
-    beside = [task.obstacles[j].keep_out >= 0 for j in range(len(task.obstacles))]
-    at_need = np.abs(task.pair_gaps(q) - task.needs) <= DEFAULT.active * task.size
-    stopped = {task.named((i, j)): None for i, j in np.argwhere(at_need & beside).tolist()}
+    task, q, slack = own.task, own.q(z), DEFAULT.active * own.task.size
+    beside = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
+    near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & beside).tolist()
+    gaps = task.pair_gaps(q, {(i, j): task.way_between((i, j), q) for i, j in near})
+    stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & beside).tolist()]
+    stopped = stopped if own.features else own.deciding(stopped, z)
+    names, count = dict.fromkeys(map(task.named, stopped)), len(task.joints)
     first = f"{count} contacts at once" if count > 1 else "the contact"
-    active = (first, *(f"{name} stays apart" for name in stopped), *own.at_limits(q))
-    pairs = {feature.parts for feature in own.features} | {(i, j) for i, j in np.argwhere(at_need & beside).tolist()}
+    active = (first, *(f"{name} stays apart" for name in names)) if own.features else tuple(names)
+    pairs = {feature.parts for feature in own.features} | {*stopped}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
+    counts = counts if own.features else task.modelled_by_gaps(q, stopped)
     bound = np.inf if bound >= np.linalg.norm(z) else max(bound * task.size, displacement_bound(task))
-    return task.answer(q, LINEAR if task.motion.shifts else NEWTON, bound, active, counts)
+    return task.answer(q, own.stage, bound, (*active, *own.at_limits(q)), counts)
 
 
 def all_at_once(
@@ -156,7 +180,7 @@ def all_at_once(
         other, _ = least([System.of(task) for task in tasks])
         q = min((systems[0].q(x) for x in (z, other) if x is not None), key=asked.amount)
         amount, beyond = asked.amount(q), MARGIN * bound / np.sqrt(len(asked.weights))  # so far a parameter has to move
-        bound = _bound_of_own(asked, amount, max(_unique_within(joined, q) if prove and joined else 0.0, beyond))
+        bound = _bound_of_own(asked, amount, max(widest_unique(joined, q) if prove and joined else 0.0, beyond))
     count = sum(len(task.joints) for task in tasks)
     active = (f"{count} contacts at once", *systems[0].at_limits(q)) if count else systems[0].at_limits(q)
     status = Status.SOLVED if q.any() else Status.ALREADY_SATISFIED
@@ -189,7 +213,7 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     if fit and not task.restores(answer.motion, DEFAULT.requirement * task.size):
         return answer  # only where all can be closed does the least gap ask for the same
     if answer.q is not None:
-        answer = replace(answer, unique=_unique_within((problem,), answer.q))
+        answer = replace(answer, unique=widest_unique((problem,), answer.q))
     if problem.motion.shifts or (answer.q is not None and not answer.q.any()):
         return answer
     bound = min(answer.unique, answer.amount)  # the box holds every motion of a smaller weighted amount
@@ -205,13 +229,6 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
     told = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
     return replace(answer, lower_bound=bound, active=(*answer.active, told))
-
-
-def _unique_within(problems: Sequence[Problem], q: Array) -> float:
-    """Return the half width of a box in which no other motion restores the contacts, see `widest_unique`."""
-    if not all(problem.motion.shifts for problem in problems):
-        return widest_unique(problems, q)
-    return np.inf if unique(problems, q, np.array([problems[0].size]))[0] else 0.0  # what holds in one box holds in all
 
 
 def _bound_of_own(task: Task, amount: float, half: float) -> float:
@@ -304,6 +321,23 @@ class System:
         return [turn for seat in self.task.seats if seat.parts in own for turn in seat.turns]
 
     @property
+    def stage(self) -> str:
+        """The stage that these equations are."""
+        return (LINEAR if self.features else TRANSLATIONS) if self.task.motion.shifts else NEWTON
+
+    @cached_property
+    def touching(self) -> list[tuple[float, Parts]]:
+        """The pairs one of which is to touch where no contact is named, and no z is less that makes them; in order."""
+        task = self.task
+        if self.features or not task.must_touch:
+            return []
+        gaps = task.pair_gaps(task.rest)[:, : len(task.static.parts)]
+        shifts = task.rates(task.rest)[1][:, :3, 3] / task.weights[:, None]
+        fastest = float(np.linalg.norm(shifts, 2)) if task.motion.shifts else np.inf
+        order = np.argsort(gaps, axis=None, kind="stable").tolist()
+        return [(float(gaps.flat[k]) / fastest / task.size, divmod(k, gaps.shape[1])) for k in order]
+
+    @property
     def count(self) -> int:
         """How many equations there are."""
         return len(self.features) + len(self.turns)
@@ -348,14 +382,20 @@ class System:
         """Tell whether a motion closes these contacts, and does what the task asks besides."""
         return replace(self.task, untracked=self.features).meets(q, slack)
 
-    def blocked(self, q: Array) -> set[Parts]:
-        """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts."""
+    def blocked(self, q: Array, most: int = 0) -> set[Parts]:
+        """Return the pairs that are too near; while nothing turns all that may be, without those of these contacts.
+
+        Of many pairs without contacts `most`, or a few, that overlap most.
+        """
         task, own = self.task, {feature.parts for feature in self.features}
-        bad = task.pair_gaps(q) < task.needs - DEFAULT.cut * task.size
-        if not task.motion.shifts:
-            return {(i, j) for i, j in np.argwhere(bad).tolist()}
-        asked = np.isfinite(task.needs)
-        return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
+        gaps = task.pair_gaps(q)
+        bad = gaps < task.needs - DEFAULT.cut * task.size
+        if task.motion.shifts and (own or task.part_pairs <= BATCH_SIZE):
+            asked = np.isfinite(task.needs)
+            return {(i, j) for i, j in np.ndindex(bad.shape) if asked[j] and (i, j) not in own}
+        count = min(int(bad.sum()), max(most, BATCH_SIZE) if task.motion.shifts else bad.size)
+        worst = np.argsort(np.where(bad, gaps, np.inf), axis=None, kind="stable")[:count]
+        return {divmod(k, bad.shape[1]) for k in worst.tolist()}
 
     def separating_directions(self, pairs: Sequence[Parts], q: Array, clearances: ForbiddenShifts) -> Choices:
         """Return the ways in which each of some pairs may come apart as far as is needed, the widest first."""
@@ -388,15 +428,34 @@ class System:
         never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
         return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
-    def closings(self, q: Array, *, shared: bool) -> Choices:
+    def sooner(self, length: float) -> int:
+        """Return how many of the pairs one of which is to touch are looked at: all that a z of that length may make."""
+        return max(BATCH_SIZE, sum(own < length for own, _ in self.touching))
+
+    def deciding(self, pairs: Sequence[Parts], z: Array) -> list[Parts]:
+        """Return which of some pairs that are as near as they may be make z the least, or all: multipliers tell."""
+        from scipy.optimize import nnls
+
+        each = [self._rows(parts, self.q(z), EVERY) for parts in pairs]
+        gaps = [rows.normals @ z - rows.levels for rows in each]
+        tight = [rows.normals[own >= own[0] - DEFAULT.active] for rows, own in zip(each, gaps, strict=True)]
+        every, owners = (
+            np.concatenate([np.empty((0, len(z))), *tight]),
+            np.repeat(np.arange(len(pairs)), [*map(len, tight)]),
+        )
+        used = nnls(np.vstack([every, -every]).T, z)[0].reshape(2, -1).sum(axis=0) > 0.0 if len(every) else owners > 0
+        return [parts for k, parts in enumerate(pairs) if used[owners == k].any()] or [*pairs]
+
+    def closings(self, q: Array, length: float, *, shared: bool) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
-        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may.
+        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may
+        that is touched `sooner` than by z of a length.
         """
         task = self.task
-        carriers = [joint.carriers for joint in task.joints]
-        if task.must_touch and not self.features:
-            carriers = [tuple(np.ndindex(task.pair_gaps(q).shape))]
+        carriers: list[Any] = [joint.carriers for joint in task.joints]
+        if self.touching:
+            carriers = [[parts for _, parts in self.touching[: self.sooner(length)]]]
         most = EVERY if task.motion.shifts else NEAREST_WAYS
         groups = [
             [
@@ -487,8 +546,9 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
     distance apart along facets: corners may pass one another nearer.
     """
     first, exact = systems[0].task, all(own.task.motion.shifts for own in systems)
-    z, blocked = first.start * first.weights / first.size, set[tuple[int, Parts]]()
-    touching = [own for own in systems if own.task.must_touch and not own.features]
+    z, gaps_only = first.start * first.weights / first.size, exact and not any(own.features for own in systems)
+    blocked = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(first.start) if gaps_only}
+    touching, length = [own for own in systems if own.touching], 0.0
     clearances = [ForbiddenShifts(own.task) for own in systems]
     moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
     for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
@@ -506,7 +566,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
                     own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
                     for k, own in enumerate(systems)
                 ),
-                *(own.closings(first.start if exact else q, shared=shared) for own in closing),
+                *(own.closings(first.start if exact else q, length, shared=shared) for own in closing),
             )
             near = systems[0].limits()
             if trusted < FARTHEST:
@@ -520,6 +580,10 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             found = None if found is None else about + directions @ found
         if found is None and trusted < FARTHEST:
             trusted *= 4.0
+            continue
+        reached = np.inf if found is None else float(np.linalg.norm(found))
+        if any(own.sooner(length) < min(own.sooner(reached), len(own.touching)) for own in touching):
+            length = reached
             continue
         if found is None:
             return None, np.inf if sure and complete and remaining >= POLISHED else bound
@@ -546,7 +610,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
             return z, bound
         if only:
             return None, bound if all(own.meets(q, DEFAULT.line) for own in systems) else np.inf
-        more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q)} - blocked
+        more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q, len(blocked))} - blocked
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):

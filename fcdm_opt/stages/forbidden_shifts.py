@@ -34,26 +34,22 @@ class ForbiddenShifts:
     points: dict[Parts, Array] = field(default_factory=dict)
     walls: dict[Parts, Rows | None] = field(default_factory=dict)
 
-    def grow(self, q: Array, pairs: Collection[Parts] | None = None, slopes: Array | None = None) -> set[Parts]:
-        """Grow the polytopes of pairs, by default of all, that a motion leaves too near, and return which these are.
+    def further(self, q: Array, pairs: Collection[Parts], slopes: Array, remaining: int) -> bool:
+        """Tell whether more is forbidden now: polytopes of pairs that a motion leaves too near grow.
 
-        With rows over the weighted parameters that equations hold, (m, k), a point of the border that motions reach
-        without changing them joins a polytope, too.
+        A point of the border that motions reach without changing rows over the weighted parameters, (m, k), that
+        equations hold, joins a polytope, too. In the last rounds that remain polytopes are touched.
         """
-        task, gaps, grown = self.task, self.task.pair_gaps(q), set[Parts]()
+        task, gaps, grown = self.task, self.task.pair_gaps(q), remaining < POLISHED
         slack = min(DEFAULT.nominal * task.unit, DEFAULT.cut * task.size)
-        for i, j in np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist():
-            if (pairs is not None and (i, j) not in pairs) or self.walls.get((i, j), ()) is None:
+        near = [] if grown else np.argwhere((task.needs > 0.0) & (gaps < task.needs)).tolist()
+        for i, j in near:
+            if (i, j) not in pairs or self.walls.get((i, j), ()) is None:
                 continue
             normal, miss = self._missed((i, j), q)
             if miss > slack:
                 self._grow((i, j), q, miss * normal, slopes)
-                grown.add((i, j))
-        return grown
-
-    def further(self, q: Array, pairs: Collection[Parts], slopes: Array, remaining: int) -> bool:
-        """Tell whether more is forbidden now: polytopes grow, and are touched in the last rounds that remain."""
-        grown = remaining < POLISHED or bool(self.grow(q, pairs, slopes))
+                grown = True
         if grown and remaining <= POLISHED:
             self._touch(q)
         return grown
@@ -72,7 +68,7 @@ class ForbiddenShifts:
         gap = self.task.pair_gaps(q, {parts: normal})[parts]
         return normal / np.linalg.norm(normal), float(self.task.needs[parts[1]] - gap)
 
-    def _grow(self, parts: Parts, q: Array, missed: Array, slopes: Array | None) -> None:
+    def _grow(self, parts: Parts, q: Array, missed: Array, slopes: Array) -> None:
         """Grow the polytope of a pair that is too near by as much as is `missed`, (3,)."""
         task = self.task
         shifts = task.rates(q)[1][:, :3, 3]
@@ -83,7 +79,7 @@ class ForbiddenShifts:
         places = [q @ shifts - missed]
         apart = -shifts @ missed / task.weights
         ends = np.isclose(q, np.where(apart < 0.0, *task.limits.T), rtol=0.0, atol=DEFAULT.cut * task.size)
-        held = np.vstack([np.eye(len(q))[ends], *([] if slopes is None else [slopes])])
+        held = np.vstack([np.eye(len(q))[ends], slopes])
         apart = apart - held.T @ np.linalg.lstsq(held.T, apart, rcond=DEFAULT.nominal)[0]
         along = apart / task.weights @ shifts
         if (length := float(np.linalg.norm(along))) > DEFAULT.nominal * np.linalg.norm(missed):

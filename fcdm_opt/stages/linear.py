@@ -1,44 +1,31 @@
 """Stage 1: motions in which everything that is asked is linear. While nothing tilts, contact lines and separations are.
 
 "shift" is for the goals that bring tracked contacts to the target pair, a least squares problem, or beyond it, a least
-distance. "straight" and
-"translations" are for "touch" and "clear". The separation of a part pair along each of its facet directions is linear
-in the parameters then, and the pair is apart where one of them is positive. Along one translation each pair overlaps in
-an interval, and is nearer than a clearance in a longer one. Along several this is a branching over half-spaces, best
-first, with a least distance problem in each node: the first node in which no pair overlaps is the smallest motion of
-all; where none is left, there is no motion. What a clearance forbids is convex too: polytopes within it grow where a
-motion comes too near.
+distance. "straight" is for "touch" and "clear" along one translation, in which each part pair overlaps in an interval,
+and is nearer than a clearance in a longer one. Of several translations see `contact_system.translations`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
-from itertools import islice, product
 from typing import Literal
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array, distinct_rows
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.seats import Bools, held
-from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
-from fcdm_opt.stages.best_first import Choices, Rows, nearest, nearest_on
+from fcdm_opt.stages.best_first import Choices, nearest_on
 from fcdm_opt.stages.contact_system import System, among_others
-from fcdm_opt.stages.forbidden_shifts import SHARPENED, ForbiddenShifts, placed
+from fcdm_opt.stages.forbidden_shifts import placed
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
-from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.tolerances import DEFAULT
 
-# Nodes looked at, and times as many as the most directions of one of several pairs, before the task is left to stage 4.
-# A single pair is done after one node for any number of directions: they are tried the nearest first.
-MOST_NODES, MOST_WAYS = 2000, 500_000
-BATCH_SIZE = 16  # pairs of many that are taken up together
 LINES = "1: contact lines linear in the motion"
-NOWHERE = 1e-9  # half-spaces exclude each other where their least motion is longer than its inverse, in sizes
 
 
 # ----------------------------------------------------------------------------------------------------- tracked contacts
@@ -110,11 +97,10 @@ def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
 
 def _on_lines(task: Task, q: Array) -> Answer:
     """Return the least motion that the tracked lines allow as the answer."""
-    moving = (task.limits != 0).any(axis=1)
-    at_limit = bool(((q == task.limits[:, 0]) | (q == task.limits[:, 1]))[moving].any())
-    active = ("a limit",) if at_limit else ("the tracked contact at the target pair",)
+    own = System(task, ())
+    active = own.at_limits(q) or ("the tracked contact at the target pair",)
     kept = [line.parts for line in (*task.tracked, *task.untracked)]
-    counts = task.modelled(kept, variables=int(moving.sum()), constraints=len(kept), features=len(kept))
+    counts = task.modelled(kept, variables=int(own.moving.sum()), constraints=len(kept), features=len(kept))
     return task.answer(q, LINES, np.inf, active, counts)
 
 
@@ -194,144 +180,3 @@ def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "rig
     before = np.searchsorted(lows[order], places, side)  # so many begin before
     ends = np.append(-np.inf, np.maximum.accumulate(highs[order]))[before]
     return np.asarray(ends > places if side == "left" else ends >= places)
-
-
-# ------------------------------------------------------------------------------------------------- several translations
-
-
-def translations(task: Task) -> Answer | None:
-    """Find the smallest shift that undoes all overlaps, keeps clearances, and touches where that is asked; exact.
-
-    The shifts that bring two parts nearer than a clearance fill their Minkowski difference and what is nearer to it:
-    a convex set. A polytope within it forbids no more than it does, the difference itself to begin with. Where the
-    least shift outside all polytopes still brings parts too near, the point of the set's border ahead of it joins the
-    polytope, and it is sought anew. Of many pairs few decide: one is looked at once it overlaps after the least shift,
-    and as the one to touch once its gap is less than that shift.
-    """
-    if task.tracked or len(task.weights) < 2 or not task.motion.shifts:
-        return None
-    shifts, limits = task.motion.ways(task.movable.seed, task.static.seed), System(task, ()).limits()
-    later = _touching(task, shifts)
-    first = product(range(len(task.movable.parts)), range(len(task.obstacles))) if task.part_pairs <= BATCH_SIZE else ()
-    lines = {parts: _lines(task, parts, shifts) for parts in first}
-    walls = {}
-    for parts, own in lines.items():
-        flat = np.linalg.norm(own.normals, axis=1) <= DEFAULT.tie
-        if np.isfinite(task.needs[parts[1]]) and not (own.levels[flat] >= -DEFAULT.cut).any():  # some may overlap
-            walls[parts] = _wall(own)
-    closings = dict[Parts, Rows]() if later else None
-    clearances = ForbiddenShifts(task)
-    stage, curved, sharpened = "1: translations, best first over separating directions", False, 0
-    while sharpened < SHARPENED:
-        pacing.check()
-        least = _least(task, limits, walls, closings)
-        if least is None:
-            return None
-        x, pairs, constraints = least
-        length = np.inf if x is None else float(np.linalg.norm(x))
-        sooner = [parts for bound, parts in later[: max(BATCH_SIZE, len(closings or ()))] if bound < length]
-        if closings is not None and sooner:
-            later = later[len(sooner) :]
-            rows = {parts: _closing(lines.get(parts) or _lines(task, parts, shifts)) for parts in sooner}
-            closings |= {parts: own for parts, own in rows.items() if own is not None}
-            continue
-        if x is None:
-            return _impossible(stage)
-        q = x * task.size / task.weights
-        new = {parts: _wall(_lines(task, parts, shifts)) for parts in _overlapping(task, q, walls)}
-        if new:
-            walls |= new
-            continue
-        known, sharpened = {*clearances.points}, sharpened + 1
-        grown = clearances.grow(q) if task.needs.max() > 0.0 else set()
-        curved = curved or bool(grown & known)  # not at a facet moved out, where all is exact
-        for parts in grown:
-            wall = clearances.walls[parts]
-            if wall is None:
-                return None
-            walls[parts] = wall
-        if not grown:
-            break
-    q = np.clip(q, *task.limits.T)
-    if not task.meets(q, DEFAULT.requirement):
-        return None
-    names = tuple(dict.fromkeys(task.named(parts) for parts in pairs))
-    ways = sum(max(len(own[parts].levels) for own in (walls, closings or {}) if parts in own) for parts in pairs)
-    counts = task.modelled(pairs, variables=len(q), constraints=constraints, features=ways)
-    best = task.answer(q, stage, np.inf, names, counts)
-    for relaxation in choices(task, q, near=True) if curved else ():  # the amount is exact; where it is, not as much
-        polished = relaxation.smallest([q], "sqpmethod")
-        if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
-            amount = polished.amount
-            best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))
-    return best
-
-
-def _overlapping(task: Task, q: Array, known: Collection[Parts]) -> list[Parts]:
-    """Return the part pairs that overlap most after a motion, but for known ones."""
-    gaps = np.where(np.isfinite(task.needs), task.pair_gaps(q), np.inf)
-    codes = np.flatnonzero(gaps < -DEFAULT.cut * task.size)
-    codes = codes[np.argsort(gaps.ravel()[codes], kind="stable")]
-    pairs = (divmod(code, gaps.shape[1]) for code in codes.tolist())
-    return list(islice((parts for parts in pairs if parts not in known), BATCH_SIZE))
-
-
-def _wall(lines: Rows) -> Rows:
-    """Return a pair's ways apart, clearances left out."""
-    moved = np.linalg.norm(lines.normals, axis=1) > DEFAULT.tie
-    return Rows(-lines.normals[moved], -lines.levels[moved])
-
-
-def _touching(task: Task, shifts: Array) -> list[tuple[float, Parts]]:
-    """Return the pairs that may be the one to touch, and no x is less that makes them; the nearest first."""
-    # none where one does in any case: what overlaps at rest touches as soon as it does not
-    gaps = task.pair_gaps(task.rest)[:, : len(task.static.parts)]
-    if not task.must_touch or (gaps.min() <= 0.0 and task.allows(task.rest) and not task.keep_out):
-        return []
-    fastest = float(np.linalg.norm(shifts / task.weights[:, None], 2))
-    order = np.argsort(gaps, axis=None, kind="stable").tolist()
-    bounds = (gaps.ravel()[order] / fastest / task.size).tolist()
-    return [(bound, divmod(code, gaps.shape[1])) for bound, code in zip(bounds, order, strict=True)]
-
-
-def _closing(lines: Rows) -> Rows | None:
-    """Return the rows under which a pair does not stay apart; None where it always does."""
-    flat = np.linalg.norm(lines.normals, axis=1) <= DEFAULT.tie
-    return Rows(lines.normals[~flat], lines.levels[~flat]) if (lines.levels[flat] <= DEFAULT.cut).all() else None
-
-
-def _lines(task: Task, parts: Parts, shifts: Array) -> Rows:
-    """Return a pair's directions as rows over the scaled parameters, and separations at rest, in sizes.
-
-    Where there are several pairs each direction once: all ways of one pair are combined with those of the others.
-    """
-    _, rows, separations = task.separations(parts, task.pose(task.rest))
-    lines = np.column_stack([rows[:, :3] @ shifts.T / task.weights, separations / task.size])
-    if task.part_pairs > 1:
-        lines = lines[distinct_rows(np.round(lines / DEFAULT.tie))[0]]
-    return Rows(lines[:, :-1], lines[:, -1])
-
-
-def _least(
-    task: Task, limits: Rows, walls: dict[Parts, Rows], closings: dict[Parts, Rows] | None
-) -> tuple[Array | None, list[Parts], int] | None:
-    """Return the least x that no wall forbids, or None; the pairs that decide, and the rows besides the limits.
-
-    At it one of `closings`, if given, is met. None alone where too many nodes were looked at.
-    """
-    if closings is not None and not closings:
-        return None, [], 0
-    count, pairs = len(task.weights), [*walls, *(closings or ())]
-    everywhere = limits.and_also(-np.eye(1, count), np.array([-1.0 / NOWHERE]))
-    choices = Choices.of_single_rows(list(walls.values()), count)
-    if closings and all(len(own.levels) for own in closings.values()):  # without rows one is met in any case
-        choices = choices.and_also(Choices.of([[*closings.values()]], count))
-    ways = max((len(wall.levels) for wall in walls.values()), default=1) if task.part_pairs > 1 else 1
-    nodes = min(MOST_NODES, MOST_WAYS // ways)
-    least = nearest(choices, everywhere, np.zeros(count), slack=DEFAULT.cut, nodes=nodes, most=1.0 / NOWHERE)
-    if least.y is None:
-        return (None, [], 0) if least.complete else None
-    # of the last group each alternative is a pair, of a wall's its directions are
-    first = len(choices.alternatives) - len(closings or ())
-    decide = {pairs[group if group < len(walls) else group + way - first] for group, way in least.chosen.items()}
-    return least.y, sorted(decide), len(least.rows.levels) - len(everywhere.levels)

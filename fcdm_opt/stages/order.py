@@ -12,11 +12,11 @@ from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
-from fcdm_opt.stages.contact_system import contact_system
+from fcdm_opt.stages.contact_system import contact_system, translations
 from fcdm_opt.stages.descent import descent
 from fcdm_opt.stages.direction_search import least_direction
 from fcdm_opt.stages.full import full
-from fcdm_opt.stages.linear import shift, straight, translations
+from fcdm_opt.stages.linear import shift, straight
 from fcdm_opt.stages.rays import one_parameter
 from fcdm_opt.stages.relaxation import nonlinear
 from fcdm_opt.stages.turns import turns

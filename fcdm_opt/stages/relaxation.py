@@ -22,6 +22,7 @@ from fcdm_opt.tolerances import DEFAULT
 ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
 VARIANTS = 40  # choices for several overlapping pairs, at most
+PLANES = 120  # separating planes of all variants together: a program with a hundred takes seconds
 RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
@@ -329,7 +330,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     asked: list[Parts | None] = [*([None] if task.tracked or not apart else []), *(pairs[:CHOICES] if closes else [])]
     asked = [None] if task.joints else asked  # which are all that must close
     for closing in asked:
-        for variant in variants[:VARIANTS]:
+        for variant in variants[: int(np.clip(PLANES // max(len(low), 1), 1, VARIANTS))]:
             relaxation = Relaxation(task, closing)
             if closing is not None:
                 relaxation.close(q, -np.inf)

@@ -568,3 +568,19 @@ def test_parts_of_a_stepped_shaft_far_from_its_housing_were_held_against_it():
     assert found.amount == pytest.approx(away - 0.02, abs=1e-9)
     by_hand = {"x": 0.03 / away, "y": 0.024 / away, "journal": 0.5}
     assert found.sensitivity.sizes == pytest.approx(by_hand, abs=1e-6)
+
+
+def test_a_flange_that_lies_flat_was_said_to_change_the_amount_by_1e33():
+    """What no shift in its plane changes but for rounding holds nothing, however small the slopes are."""
+    facets = {"facets": 24}
+    cover = fo.joined(fo.Cylinder(52, 8, **facets), fo.Cylinder(30.99, 6.5, base=(0, 0, -6), **facets))
+    cover = fo.cut(cover, fo.Cylinder(3.3, 12, base=(42, 0, -1), **facets), name="cover")
+    bored = fo.cut(fo.Box((120, 120, 30), centre=(0, 0, -15)), fo.Cylinder(31, 22, base=(0, 0, -20), **facets))
+    housing = fo.joined(bored, fo.Cylinder(3, 24, base=(42, 0, -10), **facets), name="housing")
+    hole = fo.Size("hole x", "movable", faces="bore radius 3.3", along="x", tolerance=0.35)
+    motion = fo.Translation("x") >> fo.Translation("y")
+    problem = fo.Problem(cover, housing, sizes=[hole], made={"hole x": 0.305}, goal="clear", motion=motion)
+    found = fo.solve(problem).sensitivity
+    assert found.sizes["hole x"] == pytest.approx(1.0, abs=1e-9)
+    told = [*found.faces.values(), found.clearance, *found.target]
+    assert np.nanmax(np.abs(told), initial=0.0) < 2.0

@@ -320,3 +320,20 @@ def test_holes_off_in_two_directions_of_two_dowels_add_up():
     assert off.min() >= -1e-9
     assert off.max() <= 1e-5
     assert fo.verify(stack).passed
+
+
+def test_corners_of_a_lid_near_those_of_its_box_hid_the_spigot_in_its_hole():
+    """They lie .14 apart, on faces that stay closed and do not count; the spigot has a play of .5 all around."""
+    lid = fo.joined(
+        fo.Box((20.2, 20.2, 2), centre=(0, 0, 1)), fo.Cylinder(5, 4, base=(0, 0, -3), facets=24), name="lid"
+    )
+    hole = fo.Cylinder(5.5, 20, base=(0, 0, -10), facets=24)
+    box = fo.cut(fo.Box((20, 20, 8), centre=(0, 0, -4)), hole, name="box")
+    sizes = [
+        fo.Size("diameter", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.02),
+        fo.Size("x", "static", faces="bore radius 5.5", along="x", tolerance=0.03),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    stack = fo.stack_up(fo.Problem(lid, box, sizes=sizes, made={}, goal="clear", motion=motion))
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([0.46, 0.51], abs=1e-9)
+    assert fo.verify(stack).passed

@@ -741,3 +741,17 @@ def test_a_gap_that_the_weights_of_free_motions_decide_did_not_say_so() -> None:
     found = fo.stack_up(fo.Assembly([*bodies, part, table], contacts, [width], motions), of=("left", "part"))
     assert found.worst().least == pytest.approx(-0.1)  # the jaws go with the part, and weights play no part
     assert found.weighted == ()
+
+
+def test_a_gap_that_no_size_changes_had_contributions() -> None:
+    """A key of 1.9 in 2 beside one of 1.5, whose width may grow by .3 until it is as near to its walls."""
+    flat, upright, bridge = ((9, 1.9, 2), (0, 0, 0)), ((1.5, 3, 2), (0, 6, 0)), ((1, 6, 1), (0, 3, 1.5))
+    keys = fo.joined(*(fo.Box(extent, centre=place) for extent, place in (flat, upright, bridge)))
+    walls = [((9, 2, 2), (0, y, 0)) for y in (-2, 2)] + [((2, 3, 2), (x, 6, 0)) for x in (-1.875, 1.875)]
+    slots = fo.joined(*(fo.Box(extent, centre=place) for extent, place in [*walls, ((20, 20, 1), (0, 0, -2))]))
+    sides = [{"through": (x, 6, 0)} for x in (-0.75, 0.75)]
+    width = fo.Size("width", "movable", faces=sides, each=0.5, tolerance=[0, 0.15])
+    problem = fo.Problem(keys, slots, sizes=[width], goal="clear", motion=fo.Translation("x"))
+    stack = fo.stack_up(problem)
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([0.05, 0.05], abs=1e-9)
+    assert [own.worst for own in stack.contributions] == [0.0]

@@ -27,7 +27,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised
-from fcdm_opt.show.verdict import held_text
+from fcdm_opt.show.verdict import held_text, verdict_text
 
 UP, ACROSS = fo.Translation("z"), fo.Translation("x") >> fo.Translation("z")
 NUT, RAIL = np.array([0.0, 0.0, 11.0]), np.array([0.0, 0.0, 10.0])  # seeds
@@ -734,3 +734,16 @@ def test_widths_are_of_the_true_faces_where_the_body_made_is_cut_anew(
     )
     assert solution.status.name == "OUTSIDE_FIT"
     assert str(solution).startswith(words)
+
+
+def test_widths_were_said_to_prove_that_no_motion_does() -> None:
+    """They are along two walls: a shift that is slanted may part others. A claim of it is the solver's to make."""
+    peg, plate = fo.Box((2.0, 2.0, 3.0), name="peg"), fo.cut(fo.Box((6, 6, 2)), fo.Box((2.02, 2.02, 4)), name="plate")
+    narrow = {"motion": fo.Translation("x"), "limits": {"TX": (-1.0, 1.0)}}
+    problem = fo.Problem(peg, plate, tolerance=0.02, requirement="B", goal="touch", **narrow)
+    none = fo.solve(problem)
+    assert none.status is Status.INFEASIBLE
+    assert "no such motion brings them together" in verdict_text(none)
+    told = verdict_text(dataclasses.replace(none, status=Status.NOT_FOUND))
+    assert told.startswith("no motion found, and none proved impossible; does not fit")
+    assert "no such motion" not in told

@@ -151,12 +151,13 @@ def test_a_problem_goes_from_file_to_judge_without_returning():
 
 
 def test_the_judge_takes_nothing_from_what_finds_motions():
-    """But for the checker of evidence, which stands apart from the proof that it checks, and its arithmetic."""
+    """But for the checkers of evidence and of the only motion, which stages ask what it shows, and their arithmetic."""
     taken = {other for module, others in imports().items() if package(module) == "judge" for other in others}
     assert {other for other in taken if package(other) in ("model", "stages", "solver", "along")} == set()
     assert {other for other in taken if package(other) == "proof"} == {
         "fcdm_opt.proof.checker",
         "fcdm_opt.proof.intervals",
+        "fcdm_opt.proof.uniqueness",
     }
 
 

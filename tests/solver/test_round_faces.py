@@ -863,3 +863,16 @@ def test_a_hole_through_two_plates_was_taken_for_a_pin_in_its_bore() -> None:
     asked_c = fo.Problem(*bodies, motion=X >> Y >> Z, tolerance=0.02, requirement="C", goal="clear")
     solution = usable(asked_c)
     assert solution.amount == pytest.approx(30 * 0.04 - (3.9 * 0.98 - 3 * 1.02), abs=1e-9)
+
+
+def test_faces_moved_by_a_size_keep_no_rims_of_those_as_drawn() -> None:
+    """The rims of a hole were asked of the drawn faces before, and those of moved ones stayed where these are."""
+    faces, shift = true_faces(plate(8.0)), np.array([3.0, -2.0, 0.5])
+    drawn, pose = faces.rims, np.eye(4)
+    pose[:3, 3] = shift
+    moved = faces.moved([own.placed(pose, 1.0) for own in faces.patches], faces.corners + shift)
+    assert drawn
+    assert drawn.keys() == moved.rims.keys()
+    for key, middles in moved.rims.items():
+        off = np.linalg.norm(middles[:, None] - (drawn[key] + shift), axis=2)
+        np.testing.assert_allclose(off.min(axis=1), 0.0, atol=1e-12)

@@ -14,7 +14,9 @@ from scipy.spatial import ConvexHull
 from strategies import generators, runs
 
 import fcdm_opt as fo
-from fcdm_opt.stages import linear
+from fcdm_opt.model.task import Task
+from fcdm_opt.stages import best_first
+from fcdm_opt.stages.contact_system import System, least
 from fcdm_opt_benchmarks.motions.upright import least_shift as least_shift_of_prisms
 from fcdm_opt_benchmarks.pairs import lattice_prism
 
@@ -153,9 +155,29 @@ def test_a_clearance_of_hulls_is_exact(number):
     assert solution.lower_bound == pytest.approx(solution.amount, rel=1e-8)
 
 
+def test_the_search_of_several_contacts_takes_no_keep_out_for_the_part_to_touch():
+    """The cube has 1 to the keep-out beside it, and 4 to the other part; also where several tasks are met at once."""
+    post = fo.KeepOut(fo.Body.convex(corners((2, -9, -9), (3, 9, 9))))
+    asked = fo.Problem(
+        fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),
+        fo.Body.convex(corners((-1, 5, -1), (1, 7, 1))),
+        target=(1.0, 1.0),
+        goal="touch",
+        keep_out=(post,),
+        motion=fo.Translation("x") >> fo.Translation("y"),
+    )
+    task = Task.of(asked)
+    for systems in ([System.of(task)], [System.of(task)] * 2):
+        z, bound = least(systems)
+        assert z is not None
+        np.testing.assert_allclose(systems[0].q(z), [0.0, 4.0], atol=1e-12)
+        assert bound * task.size == pytest.approx(4.0)
+    assert fo.solve(asked).lower_bound == pytest.approx(4.0)
+
+
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
-    monkeypatch.setattr(linear, "MOST_WAYS", 3)
-    post, other = corners((0.5, -9, 0.2), (9, 9, 9)), corners((0.5, 9, 0.2), (9, 10, 9))
+    monkeypatch.setattr(best_first, "MOST_WAYS", 3)
+    post, other = corners((0.5, -9, 0.2), (9, 9, 0.4)), corners((0.7, -9, 0.4), (9, 9, 9))
     asked = fo.Problem(
         fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),
         fo.Body.from_parts([post, other]),

@@ -277,6 +277,11 @@ class StackUp:
         """Return the least and the largest gap within the tolerances, with sizes at which they are."""
         return self._worst
 
+    @property
+    def _is_constant(self) -> bool:
+        """Whether the gap is the same at all sizes."""
+        return self.worst().largest - self.worst().least <= self._rounding
+
     @cached_property
     def deciding(self) -> Array:
         """The row (1 + k,) that decides the least gap: gap as drawn, then a unit of each size.
@@ -287,6 +292,8 @@ class StackUp:
         means, deviations = moments(spreads(self.sizes))
         rows = self._worst_rows[0]
         lows = rows[:, 0] + rows[:, 1:] @ means - 3.0 * np.linalg.norm(rows[:, 1:] * deviations, axis=1)
+        if self._is_constant:
+            lows = np.abs(rows[:, 1:]).sum(axis=1)
         near = rows[lows <= lows.min() + DEFAULT.tie * max(body.size for body in self.touching.bodies)]
         named = sorted(range(len(self.names)), key=self.names.__getitem__)
         return np.asarray(min(near, key=lambda row: tuple(row[1:][named])))
@@ -313,7 +320,7 @@ class StackUp:
     def contributions(self) -> tuple[SizeShare, ...]:
         """What each size contributes to the gap, largest first."""
         halves, (rows, weights) = np.array([size.half for size in self.sizes]), self._worst_rows
-        parts = np.abs(weights @ np.abs(rows[:, 1:])) * halves, self._spread.variances
+        parts = np.abs(weights @ np.abs(rows[:, 1:])) * halves * (not self._is_constant), self._spread.variances
         worst, variance = (
             own / own.sum() if own.sum() > noise else np.zeros_like(own)
             for own, noise in zip(parts, (self._rounding, self._rounding**2), strict=True)

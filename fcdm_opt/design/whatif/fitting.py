@@ -20,6 +20,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import has_motion, solve
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
+BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
@@ -58,17 +59,21 @@ def fits_up_to(problem: Problem) -> float | None:
 
     def fits(share: float, moved: Callable[[Problem], bool]) -> bool:
         try:
-            made = problem.deviating(share)
-            return misfit(made) is None and moved(made)
+            return moved(problem.deviating(share))
         except InputError:  # the goal does not hold at these sizes
             return False
 
-    share = 1.0
-    for moved in (lambda _: True, has_motion, usable):  # widths alone, then motions, then what the judge says of them
-        if share > 0.0 and not fits(share, moved):
-            least = ACCURACY * share  # below it there is none: of parts that overlap as drawn one question tells
-            fit = partial(fits, moved=moved)
-            share = largest_share(fit, least, share, accuracy=ACCURACY)[0] if fit(least) else 0.0
+    def narrowed_by(moved: Callable[[Problem], bool], share: float) -> float:
+        if not share > 0.0 or fits(share, moved):
+            return share
+        least = ACCURACY * share  # below it there is none: of parts that overlap as drawn one question tells
+        fit = partial(fits, moved=moved)
+        return largest_share(fit, least, share, accuracy=ACCURACY)[0] if fit(least) else 0.0
+
+    wide = narrowed_by(lambda made: misfit(made) is None, 1.0)  # by widths alone, which a slanted shift may evade
+    share = 1.0 if wide < 1.0 and fits(wide * (1.0 + BEYOND), has_motion) else wide
+    for moved in (has_motion, usable):  # then motions, then what the judge says of them
+        share = narrowed_by(moved, share)
     return share * float(problem.tolerance.max())
 
 
