@@ -259,10 +259,8 @@ def _plane(
 
 
 def _in_single(vertices: Array) -> tuple[bool, bool]:
-    """Tell whether coordinates are numbers of single precision, and whether they are such written with more decimals.
-
-    As "21.3397464752", which is 21.339746475219727: a boolean operation in single precision, in a file of 10 decimals.
-    """
+    """Tell whether coordinates are numbers of single precision, and whether such rounded to decimals of a text."""
+    # "21.3397464752" of 21.339746475219727: of a boolean operation in single precision, in a file of 10 decimals
     values = np.unique(np.abs(vertices))
     with np.errstate(all="ignore"):
         single = values.astype(np.float32)

@@ -383,7 +383,8 @@ def yield_card(result: AssemblyYield) -> Card:
         (("of all pairs", "amount at most"), [(f"{u:g}", number(x)) for u, x in result.quantiles.items()]),
         (("size", "share of the amount's variance", "would pass at its median size"), bodies),
     ]
-    return Card("Assembly yield", facts=facts, tables=tables, state=f"{share_text(result.share)} pass")
+    state = f"{share_text(result.share)}{' pass' * (result.share >= 0.0)}"
+    return Card("Assembly yield", facts=facts, tables=tables, state=state)
 
 
 def map_card(sizes: CompensationMap) -> Card:

@@ -277,10 +277,9 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
             f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
             f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
-    low, high = share.interval
     if note := another_decides(spread):
         print_text(note)
-    elif usual and not low - RARE <= spread.share <= high + RARE:
+    elif usual and not share.interval[0] - RARE <= spread.share <= share.interval[1] + RARE:
         print_text("root sum square takes the gap as normal, which it is not: trust the pairs drawn")
     print_text()
 

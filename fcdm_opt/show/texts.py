@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, cast
 
+from fcdm_opt.geometry.size import direction
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.solution import Solution, Status
@@ -277,7 +278,6 @@ def advised(case: SolvedCase) -> str:
 
 def _with_sizes(solution: Solution) -> str:
     """Return the advice of an answer; where widths do not go together that is proved, what mends them, not limits."""
-    from fcdm_opt.motion.motions import Rotation
     from fcdm_opt.problem.fit import mending_turn, sizes_that_lack
 
     if not IMPOSSIBLE.search(solution.advice):
@@ -285,7 +285,7 @@ def _with_sizes(solution: Solution) -> str:
     names, axis = sizes_that_lack(solution.problem), mending_turn(solution.problem)
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
-        cures.append(f"allow a turn about {Rotation(tuple(axis.tolist())).told_line(1.0).lstrip('+-')}")
+        cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
     if not cures:
         return solution.advice
     return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {', or '.join(cures)}.", solution.advice)

@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 CONTACTS, NAME = 3, 72
 """Contacts that are told one by one where there are no more, and letters of a body's name."""
 
-CONVEX_PART = re.compile(r"convex part \d+ of ")
-
 EXACT = 1e-3
 """Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
 
@@ -346,7 +344,7 @@ def labels_in_words(text: str, scene: Scene) -> str:
 def held_text(labels: Sequence[str], scene: Scene) -> str:
     """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
     texts = (labels_in_words(str(own), scene) for own in labels)
-    whole = dict.fromkeys(CONVEX_PART.sub("", own).replace("stays apart", "kept apart") for own in texts)
+    whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in texts)
     more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
     return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
 
