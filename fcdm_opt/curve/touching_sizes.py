@@ -158,7 +158,7 @@ class TouchingSizes:
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
-        counted = [own for own in _near_enough(sides, box, DEFAULT.tie * size) if own not in without]
+        counted = _near_enough(sides, box, DEFAULT.tie * size, without)
         pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
         slack = DEFAULT.tie * size
         always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
@@ -503,7 +503,9 @@ def _pair(
     return PairRows(parts, values[kept], normals[kept], elements)
 
 
-def _near_enough(sides: Sequence[Sequence[_PosedPart]], box: Array, slack: float) -> list[tuple[int, int]]:
+def _near_enough(
+    sides: Sequence[Sequence[_PosedPart]], box: Array, slack: float, without: Collection[tuple[int, int]]
+) -> list[tuple[int, int]]:
     """Return the part pairs that may be the nearest within the box, by boxes about parts and distances of corners.
 
     Only pairs that are surely apart bound the least gap: others may be closed at all sizes, and not counted.
@@ -513,8 +515,10 @@ def _near_enough(sides: Sequence[Sequence[_PosedPart]], box: Array, slack: float
     lows = [np.array([(x - room).min(axis=0) for x, room in side]) for side in each]
     highs = [np.array([(x + room).max(axis=0) for x, room in side]) for side in each]
     apart = np.maximum(lows[1] - highs[0][:, None], lows[0][:, None] - highs[1]).max(axis=2)
-    order, largest = np.argsort(apart, axis=None), np.inf
-    for i, j in zip(*np.unravel_index(order[apart.ravel()[order] > slack][:CLOSEST], apart.shape), strict=True):
+    apart[tuple(np.array([*without], np.int64).reshape(-1, 2).T)] = np.inf
+    order, largest = np.argsort(apart, axis=None), float(np.finfo(float).max)
+    order = order[(apart.ravel()[order] > slack) & (apart.ravel()[order] < np.inf)][:CLOSEST]
+    for i, j in zip(*np.unravel_index(order, apart.shape), strict=True):
         (x, room), (y, other) = each[0][i], each[1][j]
         off = norms(x[:, None] - y) + norms(room)[:, None] + norms(other)
         largest = min(largest, float(off.min()))

@@ -401,8 +401,8 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
             return rates
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
-    rows = _corners_moved(moving, np.ones(1)) if kept is None else kept[0][: len(moving.body.vertices)]
-    return None if rows is None else rows - moving.body.vertices
+    found = _corners_moved(moving, np.ones(1)) if kept is None else (kept[0][: len(moving.body.vertices)], {})
+    return None if found is None or found[1] else found[0] - moving.body.vertices
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -582,37 +582,34 @@ def _offset(moving: Resizing, values: Array) -> Body:
 
 def _cut_anew(moving: Resizing, values: Array) -> Body | None:
     """Return a solid of several parts by where its faces meet now; None where that is not known."""
-    # its cuts do not go with the faces: what they bound besides would stick out, or be missing. Corners keep their
-    # labels; of one that splits one of the new ones does
-    body, rows, split = moving.body, list(moving.body.vertices), dict[tuple[int, int], list[int]]()
-    if len(body.parts) == 1 or not body.triangles:
+    # its cuts do not go with the faces: what they bound besides would stick out, or be missing
+    body = moving.body
+    found = _corners_moved(moving, values) if len(body.parts) > 1 and body.triangles else None
+    if found is None:
         return None
+    triangles = surface_with_corners(body, *found).triangles_of_faces()
+    return replace(body, vertices=frozen(found[0]), triangles=triangles).by_features(0)
+
+
+def _corners_moved(moving: Resizing, values: Array) -> tuple[Array, dict[tuple[int, int], list[int]]] | None:
+    """Return the vertices of the body, its corners where their faces meet now, (n, 3); None where that is not known.
+
+    And by face and corner which rows are corners of the face in place of one that splits, of which one has its label.
+    """
+    body, rows, split = moving.body, list(moving.body.vertices), dict[tuple[int, int], list[int]]()
     for label in body.corners:
         move = _move_of_corner(moving, values, label)
-        if move is None:
-            parted = split_corner(body, moving.faces @ values, label - 1)
-            if parted is None:
-                return None
+        parted = split_corner(body, moving.faces @ values, label - 1) if move is None and body.triangles else None
+        if parted is not None:
             numbers = [label - 1, *range(len(rows), len(rows) + len(parted[0]) - 1)]
             split |= {(face, label - 1): [numbers[k] for k in own] for face, own in parted[1].items()}
             rows[label - 1] = parted[0][0]
             rows += list(parted[0][1:])
+        elif move is None:
+            return None
         else:
             rows[label - 1] = rows[label - 1] + move
-    vertices = np.array(rows)
-    triangles = surface_with_corners(body, vertices, split).triangles_of_faces()
-    return replace(body, vertices=frozen(vertices), triangles=triangles).by_features(0)
-
-
-def _corners_moved(moving: Resizing, values: Array) -> Array | None:
-    """Return the vertices of the body, its corners where their faces meet now, (n, 3); None where one splits."""
-    rows = moving.body.vertices.copy()
-    for label in moving.body.corners:
-        move = _move_of_corner(moving, values, label)
-        if move is None:
-            return None
-        rows[label - 1] += move
-    return rows
+    return np.array(rows), split
 
 
 def _move_of_corner(moving: Resizing, values: Array, label: int) -> Array | None:
