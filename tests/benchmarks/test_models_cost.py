@@ -58,10 +58,10 @@ def test_a_contact_line_is_brought_to_the_target_by_one_equation():
     assert counts(solution) == (1, 1, 1, 1, PAIR)
 
 
-def test_shifts_in_a_plane_keep_the_distinct_directions_of_the_pair_that_decides():
+def test_shifts_in_a_plane_keep_the_directions_of_the_pair_that_decides():
     solution = solve(problem("clear", motion=X >> Y, target=(2.2, 1.0)))
     assert solution.amount == pytest.approx(0.1, abs=1e-12)
-    assert counts(solution) == (2, 1, 1, 8, PAIR)  # the sides of the wall and those of the cube: each twice the same
+    assert counts(solution) == (2, 1, 1, 12, PAIR)  # the faces of the wall and those of the cube
 
 
 def test_the_full_model_has_all_planes_and_vertices():
