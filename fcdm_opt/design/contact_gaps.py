@@ -135,6 +135,10 @@ class ContactGaps:
             every = not relation.contacts or len(relation.contacts) == len(relation.nominal_joints)
             self.lines += [line for n, line in enumerate(rounds) if n in chosen or every]
             self.tasks.append(task)
+        if not self.lines:
+            why = by_contacts(scene) or "contacts as drawn are looked at"
+            what = f"{why}, and here are none of flat faces, or of round ones of solids cut into parts"
+            raise InputError(what, key="contacts", allowed="such parts: coarser meshes are cut")
 
     def transforms(self, q: Array) -> list[Array]:
         """Return the pose of body 1 of each relation."""

@@ -2,6 +2,7 @@
 
 import math
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -489,3 +490,14 @@ def test_the_proof_of_a_part_of_which_the_first_piece_is_far_away_was_refused() 
     solution = fo.solve(problem, certify=True)
     assert problem.partial
     assert fo.verify(solution, proof=True).passed
+
+
+def test_a_best_pose_of_a_ball_in_a_socket_of_many_faces_was_an_internal_error(tmp_path: Path) -> None:
+    """No flat faces touch, and round ones of a body that is looked at in part were taken to have rows all the same."""
+    ball, hollow = fo.Sphere(10.0, facets=44, name="ball"), fo.Sphere(10.0, facets=48)
+    fo.cut(fo.Box((32, 32, 16), centre=(0, 0, -8)), hollow).to_file(tmp_path / "socket.obj")
+    socket = fo.Body.from_file(tmp_path / "socket.obj", unit="mm", decomposition="surface")
+    problem = fo.Problem(ball, socket, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    assert problem.partial
+    with pytest.raises(fo.InputError, match="none of flat faces"):
+        fo.best_pose(problem)
