@@ -219,6 +219,8 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
             _may_be_used(found, how) or found.status in IMPOSSIBLE or (found.status.found and pacing.over())
         ):
             return found if found.usable else replace(found, stopped=found.stopped or cut_off)
+        if found is not None and found.status.found and problem.goal == "clear" and outside_fit(found):
+            return replace(found, status=Status.OUTSIDE_FIT)  # parts within the true ones leave the fit at least
     return None
 
 

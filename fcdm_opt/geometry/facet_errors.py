@@ -19,7 +19,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
-from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, unit_normals, units
+from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, short_decimals, unit_normals, units
 from fcdm_opt.geometry.naming import (
     FEWEST,
     GENTLE,
@@ -151,7 +151,9 @@ def _even(body: Body, own: Round, errors: Array, normals: dict[Label, Array]) ->
     looks = np.array([normals[face] for face in kept]).reshape(-1, 3)
     pairs = neighbours(kept)[0]
     turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
-    return own.surface, tuple(body.face_rows[face] for face in kept if turned.min(initial=1.0) > GENTLE)
+    drawn = {name: short_decimals(getattr(own.surface, name), body.rounding) for name in ("origin", "radius")}
+    surface = own.surface._replace(**drawn)
+    return surface, tuple(body.face_rows[face] for face in kept if turned.min(initial=1.0) > GENTLE)
 
 
 def _flats(errors: Array) -> Flags:

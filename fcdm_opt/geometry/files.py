@@ -26,7 +26,7 @@ from fcdm_opt.errors import InputError, checked_path, similar_name
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
-from fcdm_opt.geometry.measures import norms, unit_normals
+from fcdm_opt.geometry.measures import norms, short_decimals, unit_normals
 from fcdm_opt.geometry.mesh import SEVERAL, solids
 from fcdm_opt.geometry.polygons import Polygon
 from fcdm_opt.geometry.tessellation import TESSELLATED, Surfaces, Swept, on_rings
@@ -248,6 +248,8 @@ def _plane(
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
         return vertices, (), 0.0, 0.0  # `checked_mesh` says what is wrong
     exactly, written = _in_single(vertices)
+    if exactly:
+        vertices = short_decimals(vertices, np.spacing(np.abs(vertices).astype(np.float32)) / 2.0)
     digits = float(np.finfo(np.float32).eps) if single or exactly else DEFAULT.drawn
     moved = flattened(vertices, faces, digits * size, joined=single or exactly or joined)
     step = float(norms(moved - vertices).max())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from fcdm_opt.tolerances import DEFAULT
 if TYPE_CHECKING:
     from flint import fmpq
 
+FEW_DIGITS = 6  # of a number of a drawing, which single precision moves in the seventh
 BLOCK = 1 << 18  # pairs of points and triangles looked at together
 
 
@@ -139,3 +140,11 @@ def winding_numbers(points: Array, corners: Array) -> Array:
             bottom = la * lb * lc + dots(a, b) * lc + dots(b, c) * la + dots(c, a) * lb
             total[own] += np.arctan2(top, bottom).sum(axis=1)
     return total / (2 * np.pi)
+
+
+def short_decimals(values: Array, off: Any) -> Array:
+    """Return numbers known to within `off` as the decimals of few digits that they may be, as 4.997 of a drawing."""
+    places = FEW_DIGITS - 1 - np.floor(np.log10(np.maximum(np.abs(values), SMALLEST)))
+    scale = 10.0 ** np.clip(places, 0.0, 3 * FEW_DIGITS)
+    short = np.round(values * scale) / scale
+    return np.where(np.abs(short - values) <= off, short, values)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.tolerances import DEFAULT
 
@@ -43,20 +42,8 @@ def _least_displacement(task: Task) -> float:
     gaps = task.pair_gaps(task.rest)
     needs = [_tracked_need(task), *(task.needs - gaps)[gaps <= 0]]
     if task.goal == "touch":
-        needs.append(task.contact_gap(_distances(task, gaps) if task.amount_kind == "displacement" else gaps))
+        needs.append(task.contact_gap(task.distances(task.rest) if task.amount_kind == "displacement" else gaps))
     return float(max(needs))
-
-
-def _distances(task: Task, gaps: Array) -> Array:
-    """Return `pair_gaps` at rest with the distances of the pairs that may be the nearest, which facets understate."""
-    found, least = gaps.copy(), float("inf")
-    for parts in sorted(np.ndindex(len(gaps), len(task.static.parts)), key=gaps.__getitem__):
-        if gaps[parts] >= least:
-            break
-        if gaps[parts] > 0:
-            found[parts] = task.pair_gaps(task.rest, {parts: task.way_between(parts, task.rest)})[parts]
-        least = min(least, float(found[parts]))
-    return found
 
 
 def _tracked_need(task: Task) -> float:

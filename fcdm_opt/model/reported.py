@@ -29,6 +29,8 @@ def reported(
     near = gap <= slack
     if kept_as_surface(*problem.active):  # the parts looked at are not all that may be near, or inside the other
         gap = PlacedSolids(*problem.active, problem.target, task.transform(q)).gap(gap, slack)
+    elif not near:
+        gap = task.contact_gap(task.distances(q))
     gap = 0.0 if abs(gap) <= noise else gap
     state: MadeState = "touching" if abs(gap) <= slack else "apart" if gap > 0 else "overlapping"
     moved: dict[str, Any] = {}

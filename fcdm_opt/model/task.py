@@ -510,6 +510,17 @@ class Task:
         others = float(excess[:, len(self.static.parts) :].min(initial=np.inf))
         return (contact, others) if self.must_touch else (min(contact, others), np.inf)
 
+    def distances(self, q: Array) -> Array:
+        """Return `pair_gaps` with the distances of the pairs that may be the nearest, which facets understate."""
+        found, least = self.pair_gaps(q), np.inf
+        for parts in sorted(np.ndindex(len(found), len(self.static.parts)), key=found.copy().__getitem__):
+            if found[parts] >= least:
+                break
+            if found[parts] > 0.0:
+                found[parts] = self.pair_gaps(q, {parts: self.way_between(parts, q)})[parts]
+            least = min(least, float(found[parts]))
+        return found
+
     def contact_gap(self, gaps: Array) -> float:
         """Return the least of `pair_gaps` over the static body's parts."""
         return float(gaps[:, : len(self.static.parts)].min())

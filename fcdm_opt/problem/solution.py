@@ -518,8 +518,8 @@ class Solution(Bounded):
     pair : (2,) array
         The target pair: the scales of the parts made.
     pair_gap : float
-        Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 apart, < 0
-        overlapping.
+        Signed gap of the target pair after the motion (at rest where none was found), length units: > 0 their distance,
+        < 0 overlapping.
     pair_state : "apart", "touching", "overlapping" or "unknown"
         "apart", "touching" or "overlapping"; "unknown" where no motion was judged.
     active : tuple of str

@@ -23,7 +23,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
 from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
-from fcdm_opt.show.verdict import gone_through
+from fcdm_opt.show.verdict import EXACT, gone_through
 from fcdm_opt.tolerances import DEFAULT
 
 NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
@@ -203,7 +203,7 @@ def left_out(solution: Solution) -> list[str]:
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],
         impossible=math.isinf(solution.lower_bound),
-        proved=proved_least(solution),
+        proved=proved_least(solution) or abs(solution.gap) < EXACT,
         drawn=DEFAULT.drawn,
         least=bound_text(solution).splitlines()[0],
     )

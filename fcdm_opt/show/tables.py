@@ -180,7 +180,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": bound_text(solution),
         "new/old\nsizes": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
-        "pair made": solution.pair_state + off,
+        "pair made": "-" if solution.status.name == "OUTSIDE_FIT" else solution.pair_state + off,
         'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
     }
@@ -188,7 +188,8 @@ def _cells(row: SolvedCase) -> dict[str, str]:
 
 def failed_text(solution: Bounded) -> str:
     """Return which checks of a motion that was found failed, as a sentence after another one; "" for none."""
-    failed = solution.certificate.failed if solution.certificate and solution.status.found else ()
+    used = solution.certificate and solution.status.found and solution.status.name != "OUTSIDE_FIT"
+    failed = solution.certificate.failed if used and solution.certificate else ()
     return f" Failed: {', '.join(check.name for check in failed)}." if failed else ""
 
 
@@ -313,7 +314,7 @@ def print_budgets(budgets: Budgets) -> None:
             reasons.setdefault(budget.reason, []).append(budget.requirement)
     notes = []
     for one in budgets.values():
-        sizes = one.sizes_text(DIGITS) if one.sizes and one.tolerance else ""
+        sizes = one.sizes_text(DIGITS) if one.tolerance else ""
         if text := ", within ".join(filter(None, (one.corner, sizes))):
             notes.append(f"{one.requirement}: {text}")
     notes += [budgets.open_text] * bool(budgets.open_text)

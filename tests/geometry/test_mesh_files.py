@@ -332,7 +332,8 @@ def test_vertices_of_plane_faces_are_not_touched(tmp_path, name):
     points = np.array(BOX + 0.1, np.float32 if slack else float).astype(float)
     vertices, _, remarks, *_ = drawn_mesh(written(tmp_path, name, make(points)), unit="mm")
     assert remarks == ()
-    assert {tuple(x) for x in vertices.tolist()} == {tuple(x) for x in points.tolist()}
+    drawn = np.round(BOX + 0.1, 9)  # single precision is read as the decimals that it was made of
+    assert {tuple(x) for x in vertices.tolist()} == {tuple(x) for x in drawn.tolist()}
 
 
 @pytest.mark.parametrize("turn", [np.eye(3), TURN])
@@ -609,3 +610,18 @@ def test_a_body_whose_vertices_were_moved_says_by_how_much_in_its_deviation(tmp_
     assert any("made one" in note for note in body.notes)
     assert body.deviation == (step, step)
     assert fo.Body.from_mesh(BOX, TRIANGLES).deviation == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("half", [4.997, 4.992, 4.991])
+def test_a_clearance_that_a_drawing_just_has_was_missing_in_files_of_single_precision(tmp_path, half):
+    """A key in a slot of 10, both in binary STL: 4.997 is 4.99700022 there, and .003 was not left at its side."""
+    bodies = []
+    slot = trimesh.util.concatenate(
+        [trimesh.creation.box(bounds=[(5 * s - 5, -9, -5), (5 * s + 5, 9, 5)]) for s in (-2, 2)]
+        + [trimesh.creation.box(bounds=[(-15, -9, -9), (15, 9, -5)])]
+    )
+    for name, mesh in (("key", trimesh.creation.box(bounds=[(-half, -8, -4), (half, 8, 8)])), ("slot", slot)):
+        mesh.export(tmp_path / f"{name}.stl")
+        bodies.append(fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm"))
+    problem = fo.Problem(*bodies, motion=fo.Translation("x"), goal="clear", clearance=round(5 - half, 6), target=(1, 1))
+    assert fo.solve(problem).status.name == "ALREADY_SATISFIED"

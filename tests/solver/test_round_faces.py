@@ -6,15 +6,18 @@ import json
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import SizedFaces
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
+from fcdm_opt.geometry.facet_errors import rounded
 from fcdm_opt.geometry.moving_faces import MovesOfFaces
 from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
 from fcdm_opt.geometry.true_distance import FacesApart, PoseDerivatives
@@ -876,3 +879,31 @@ def test_faces_moved_by_a_size_keep_no_rims_of_those_as_drawn() -> None:
     for key, middles in moved.rims.items():
         off = np.linalg.norm(middles[:, None] - (drawn[key] + shift), axis=2)
         np.testing.assert_allclose(off.min(axis=1), 0.0, atol=1e-12)
+
+
+def test_a_pin_with_just_the_clearance_that_is_asked_was_taken_out_of_its_bore(tmp_path: Path) -> None:
+    """Radii of 4.98 and 5 in files of single precision leave .02 all around: radii of these digits were off by 5e-8."""
+    made = []
+    for name, body in (("pin", pin(4.98, facets=96)), ("plate", plate(5.0))):
+        body.to_file(tmp_path / f"{name}.obj")
+        mesh = trimesh.load(tmp_path / f"{name}.obj")
+        mesh.export(tmp_path / f"{name}.stl")
+        made.append(rounded(fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm")))
+    assert [float(own.radius) for body in made for own, _ in body.surfaces] == [4.98, 5.0]
+    solution = fo.solve(asked(*made, X >> Y, goal="clear", clearance=0.02))
+    assert solution.status.name == "ALREADY_SATISFIED"
+    assert solution.certificate.passed
+
+
+def test_what_is_apart_is_told_by_its_distance_not_along_a_face() -> None:
+    """Two cubes corner to corner, .5 apart along each axis: the faces' planes tell .5 of sqrt(.75)."""
+    one, two = fo.Box((1, 1, 1), centre=(0.75, 0.75, 0.75)), fo.Box((1, 1, 1), centre=(-0.75, -0.75, -0.75))
+    solution = fo.solve(asked(one, two, X, goal="clear", clearance=0.1))
+    assert solution.pair_gap == pytest.approx(math.sqrt(0.75), rel=1e-12)
+
+
+def test_a_clearance_that_a_bore_does_not_leave_was_told_to_be_open_on_true_faces() -> None:
+    """Radii of 4.98 and 5 leave .02 all around, and .021 nowhere within the bore: sideways lies the way out."""
+    solution = fo.solve(asked(pin(4.98, facets=96), plate(5.0, wide=12.0), X >> Y, goal="clear", clearance=0.021))
+    assert solution.status.name == "OUTSIDE_FIT"
+    assert solution.doubt == ""

@@ -141,8 +141,11 @@ class Budget(Plain):
         return _measured(self.tolerance, self.of_scales, self.unit, digits)
 
     def sizes_text(self, digits: int = 6) -> str:
-        """Return how far each size may be off, in words; "" where the scales are asked about."""
+        """Return how far each size may be off, in words, or each scale, where these are not alike."""
         rows = zip(self.sizes, self.table.tolist(), strict=True) if self.sizes else ()
+        if not self.sizes:
+            each = zip(("movable", "static"), (100.0 * self.table).tolist(), strict=True) if np.ptp(self.table) else ()
+            return ", ".join(f"{part} -{minus:.{digits}g} to +{plus:.{digits}g} %" for part, (minus, plus) in each)
         if self.of_scales:
             return ", ".join(f"{part} {100.0 * share + 0.0:+.{digits}g} %" for part, (share, _) in rows)
         return ", ".join(f"{name} {low + 0.0:+.{digits}g} to {high + 0.0:+.{digits}g}" for name, (low, high) in rows)
@@ -185,7 +188,7 @@ class Budget(Plain):
     def __str__(self) -> str:
         """Return one line: how far, what ends it, and whether that is proved."""
         word = "proved" if self.proved else "sampled"
-        sizes = f": {self.sizes_text()}" if self.sizes else ""
+        sizes = f": {self.sizes_text()}" if self.sizes_text() else ""
         head = f"{self.requirement} ({self.corner})" if self.corner else self.requirement
         if self.end is End.TIME and self.solution is None:
             return f"{head}: not known, {self.advice}"
