@@ -121,6 +121,7 @@ class Task:
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
+        problem = problem.reformulated
         bodies = movable, static = problem.active
         pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
