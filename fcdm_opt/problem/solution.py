@@ -643,7 +643,8 @@ class Solution(Bounded):
     @property
     def _why_not(self) -> str:
         """Which widths do not go together, or contacts that are not met."""
-        words = verdict(self.problem) or "; ".join(self.active * (self.status is Status.NOT_FOUND))
+        told = self.active * (self.status in (Status.NOT_FOUND, Status.NOT_IN_STEPS))
+        words = verdict(self.problem) or "; ".join(told)
         if words and self.status is Status.NOT_FOUND and sum(own.is_flush for own in self.problem.contacts) > 1:
             words += f"; {PARALLEL}"
         return words

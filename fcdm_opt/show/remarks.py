@@ -132,7 +132,7 @@ def _contacts(solution: Solution) -> list[str]:
             named = feature.told(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
-        return [*told, *solution.active]
+        return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]
     if problem.goal == FIT:
         told += solution.active
     else:
