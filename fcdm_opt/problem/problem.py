@@ -247,10 +247,11 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """The question of facets about contacts as drawn that is solved as this one, see `to_touch`; else None."""
         return self.of_facets.__dict__.get("restoring")
 
-    @cached_property
+    @property
     def reformulated(self) -> Problem:
-        """The question that is solved and judged for this one: itself, or where it `restores` contacts `to_touch`."""
-        return self
+        """The question that is solved and judged for this one: itself, or where it restores contacts `to_touch`."""
+        found: Problem = self.__dict__.get("_reformulated", self)
+        return found
 
     @property
     def asked(self) -> Problem:
@@ -261,7 +262,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         own = {key: value for key, value in vars(self).items() if key not in ("restoring", *_AS_DRAWN)}
         request = {**drawn.request, "exact_at": self.exact_at}
         made = object.__new__(Problem)
-        made.__dict__.update({**own, **nominal, "request": request, "of_facets": drawn, "reformulated": self})
+        made.__dict__.update({**own, **nominal, "request": request, "of_facets": drawn, "_reformulated": self})
         return made
 
     @property
@@ -383,7 +384,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
             return Problem(**{**self.request, **arguments})
         asked = checked_arguments(SizeKeys, arguments)
         request = {**self.request, **{key: getattr(asked, key) for key in arguments}}
-        kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")}
+        kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets", "restoring")}
         return _with_attributes({**kept, "request": request, **_sizes_made(request, self)})
 
     def with_sizes(self, values: Mapping[str, float]) -> Problem:
