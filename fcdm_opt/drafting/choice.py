@@ -90,10 +90,11 @@ def chosen(situation: Situation) -> Choice:
     """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
     Parts that touch at several places are to do so again, if shifts can bring that about in all cases in which the
-    parts go together at all; else those of them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
-    others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
-    is solved: a case in which the parts do not fit is an answer, one for which no time was left is none. Translations
-    along one axis come before those along three wherever they are as small, and rotations after both.
+    parts go together at all; else those of them that face one way are, by a shift that way, as a flange on its plate.
+    Parts that touch flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where
+    that cannot be asked, or no case of it is solved: a case in which the parts do not fit is an answer, one for which
+    no time was left is none. Translations along one axis come before those along three wherever they are as small, and
+    rotations after both.
     """
     together = len(situation.places) > 1 and not situation.large
     for goal in ("seat", "at") if together else ():

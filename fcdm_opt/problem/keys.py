@@ -503,7 +503,7 @@ class ProblemFile(Entry, title="Problem file"):
         return tuple(made)
 
     def defaults_of(self, case: Case) -> Defaults:
-        """Return the defaults of a case, without values by parameter that the motions of others have and its has not."""
+        """Return the defaults of a case, without values of parameters that the motions of other cases alone have."""
         kept, motions = dict[str, Any](), dict[str, Motion]()
         for own in self.case:
             with suppress(InputError):  # which is told of that case

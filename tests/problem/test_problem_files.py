@@ -203,7 +203,9 @@ def test_a_case_takes_back_all_contacts_of_the_defaults(tmp_path: Path) -> None:
     head = '[defaults]\ngoal = "at"\ntarget = [1.0, 1.0]\ncontacts = "all"\nmotion = [{ translation = "x" }]\n'
     text = '[[case]]\nname = "all"\n[[case]]\nname = "tracked"\ncontacts = []\n'
     corners = [[list(own) for own in product(*ends)] for ends in ([(0, 1)] * 3, [(1, 2), (-1, 2), (-1, 2)])]
-    bodies = "".join(f"[bodies.{role}]\nvertices = {own}\n" for role, own in zip(("movable", "static"), corners))
+    bodies = "".join(
+        f"[bodies.{role}]\nvertices = {own}\n" for role, own in zip(("movable", "static"), corners, strict=True)
+    )
     every, one = load(tmp_path, bodies + head + text)
     assert every.contacts
     assert not one.contacts
