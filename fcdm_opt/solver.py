@@ -299,7 +299,7 @@ def _outside_of_solids(problem: Problem, how: _How, answer: Answer | None = None
         solution = _with_all_that_matters(problem, how)
     if problem is asked:
         return solution
-    found = with_parts(asked, solution.problem.active_indices)
+    found = with_parts(asked, solution.problem.active_indices).asked
     if not how.judge:
         return replace(solution, problem=found)
     solution, certificate = judged(replace(solution, problem=found, evidence=None))

@@ -48,7 +48,7 @@ SECONDS = 5.0  # for which it is looked for: of parts that are hundreds of pairs
 
 def sensitivity(solution: Solution) -> Sensitivity:
     """Return the derivatives of a solution's amount; without a motion, or one that nothing holds, there are none."""
-    problem, task = solution.problem, Task.of(solution.problem)
+    problem, task = solution.problem.reformulated, Task.of(solution.problem)
     layout = Layout.of(task)
     if not solution.status.found:
         return _made(problem, task, None, _nothing(layout, np.nan), ["no motion was found"])
@@ -396,7 +396,8 @@ def _where_exact(asked: Problem, found: Solution | None) -> Problem:
     points = None if found is None else found.problem.exact_at
     if found is None or points is None:
         return asked
-    return ((found.problem.goal != asked.goal and touching_again(asked)) or asked).with_exact_points(points)
+    again = found.problem.reformulated is not found.problem
+    return ((again and touching_again(asked)) or asked).with_exact_points(points)
 
 
 def _by_pose(seed: Array, k: int) -> Field:

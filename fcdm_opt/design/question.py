@@ -360,7 +360,7 @@ class Question:
         drawn = {role: _given(getattr(bodies, role), (home or path).parent) for role in ROLES}
         others = {"keep_out": [_given(entry, path.parent) for entry in file.keep_out]}
         scene = SceneTables.of({"bodies": drawn, **others, "size": [_given(entry) for entry in file.size]})
-        return tuple(cls(scene, with_defaults(_given(file.defaults), _given(case))) for case in cases)
+        return tuple(cls(scene, with_defaults(_given(file.defaults_of(case)), _given(case))) for case in cases)
 
     @classmethod
     def restored(cls, scene: str, case: Mapping[str, Any]) -> Question:

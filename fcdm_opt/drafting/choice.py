@@ -16,7 +16,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.motion.motions import XYZ, AxisWord, Free, Motion, Translation
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -51,11 +51,15 @@ class Choice:
         return {letter: answer for letter, answer in self.solutions.items() if answer is not None and answer.usable}
 
     @property
+    def unfit(self) -> tuple[str, ...]:
+        """Requirements of which no motion is a solution: the parts made do not go together."""
+        known = ((letter, answer) for letter, answer in self.solutions.items() if answer is not None)
+        return tuple(letter for letter, answer in known if not answer.usable and misfit(answer.problem) is not None)
+
+    @property
     def settled(self) -> bool:
-        """Whether some cases are solved and the others told not to fit together: no other motion of this goal helps."""
-        told = (Status.OUTSIDE_FIT, Status.INFEASIBLE)
-        others = [answer for letter, answer in self.solutions.items() if letter not in self.usable]
-        return bool(self.usable) and all(answer is not None and answer.status in told for answer in others)
+        """Whether all cases in which the parts go together are solved, and there are any: no other motion helps."""
+        return bool(self.usable) and len(self.usable) + len(self.unfit) == len(SIGNS)
 
     @cached_property
     def tied(self) -> tuple[str, ...]:
@@ -85,17 +89,18 @@ class Choice:
 def chosen(situation: Situation) -> Choice:
     """Return the goal that the parts as drawn ask for, and the simplest motion that answers most of the four cases.
 
-    Parts that touch at several places are to do so again, if shifts can bring that about in all cases; else those of
-    them that face one way are, by a shift that way, as a flange on its plate. Parts that touch flush are to stay so,
-    others that touch are to touch, and so on. Another goal is taken only where that cannot be asked, or no case of it
-    is solved: a case in which the parts do not fit is an answer, one for which no time was left is none. Translations
-    along one axis come before those along three wherever they are as small, and rotations after both.
+    Parts that touch at several places are to do so again, if shifts can bring that about in all cases in which the
+    parts go together at all; else those of them that face one way are, by a shift that way, as a flange on its plate.
+    Parts that touch flush are to stay so, others that touch are to touch, and so on. Another goal is taken only where
+    that cannot be asked, or no case of it is solved: a case in which the parts do not fit is an answer, one for which
+    no time was left is none. Translations along one axis come before those along three wherever they are as small, and
+    rotations after both.
     """
     together = len(situation.places) > 1 and not situation.large
     for goal in ("seat", "at") if together else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
-        if every is not None and len(every.usable) == len(SIGNS):
+        if every is not None and every.settled and (len(situation.sides) > 1 or not every.unfit):
             return every
     if (side := _on_one_side(situation)) is not None:
         return side
@@ -114,7 +119,7 @@ def chosen(situation: Situation) -> Choice:
         for motion in shifts if situation.large else (*shifts, Free()):
             if best is not None and (perf_counter() - start > SECONDS or pacing.over()):
                 break
-            if best is not None and (len(best.usable) == len(SIGNS) or (best.settled and motion != ANY_SHIFT)):
+            if best is not None and best.settled:
                 break
             pacing.at(f'trying goal "{goal}" with the motion {", ".join(motion.names)}')
             tried = _tried(situation, goal, motion)
@@ -134,17 +139,18 @@ def chosen(situation: Situation) -> Choice:
 def _on_one_side(situation: Situation) -> Choice | None:
     """Return the choice to seat those contacts again that face one way, None where none is solved.
 
-    By a shift that way; where none is solved so, as where a hole and its pin grow apart sideways, by any shift. A
+    By a shift that way, or by any where that solves more cases, as where a hole and its pin grow apart sideways. A
     single contact that is the nominal one needs no name, but of large bodies, whose faces are of many pieces.
 
-    A way on which each case is either solved or told not to fit is taken at once.
+    A way on which each case in which the parts go together is solved is taken at once.
     """
+    start = perf_counter()
     best: Choice | None = None
     told = {feature: feature.told(situation.movable, situation.static) for feature in situation.contacts}
     sides = situation.sides[:MOST_SIDES] if len(told) > 1 or situation.large else ()
     along = [(Translation(named(normal)), normal, features) for normal, features in sides]
     for motion, normal, features in (*along, *((ANY_SHIFT, *side) for side in sides)):
-        if (best is not None and (best.settled or motion == ANY_SHIFT)) or pacing.over():
+        if (best is not None and (best.settled or perf_counter() - start > SECONDS)) or pacing.over():
             break
         pacing.at(f"trying to seat what faces {named(normal)}")
         names = (told[own] if list(told.values()).count(told[own]) == 1 else own.label for own in features)
@@ -198,8 +204,8 @@ def _tried(situation: Situation, goal: str, motion: Motion, contacts: Contacts =
                 # what does not fit is found far away, if at all
                 limit = SHORT if tight or (situation.large and motion == ANY_SHIFT) else SECONDS
                 answer = solutions[letter] = solve(problem, effort="quick", time=limit)
-            if contacts == "all" and not answer.usable:
-                break  # all four cases are to be solved
+            if contacts == "all" and not answer.usable and misfit(problem) is None:
+                break  # all cases in which the parts fit are to be solved
         except InputError:
             solutions[letter] = None
             if goal == "seat" or contacts:

@@ -281,7 +281,10 @@ def _contacts(asked: str | tuple[str, ...]) -> str:
 def _because(situation: Situation, choice: Choice) -> str:
     """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
-        return TOGETHER.format(_places(len(situation.places)))
+        fitting = (
+            f" in every case but {' and '.join(choice.unfit)}, in which the parts do not fit" if choice.unfit else ""
+        )
+        return TOGETHER.format(_places(len(situation.places))) + fitting
     why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)

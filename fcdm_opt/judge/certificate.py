@@ -120,7 +120,7 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
     if not finite.passed:
         return (finite,)
     with np.errstate(all="ignore"):  # what cannot be computed is nan or infinite, and passes no check
-        judge = _Judge(solution, tolerances)
+        judge = _Judge(solution.reformulated, tolerances)
         found = judge.motion, judge.requirement, judge.only_motion, judge.contact
         stages = (*found, judge.sides, judge.path, judge.seats)
         last = judge.pair, judge.true_faces, judge.scene
@@ -157,6 +157,7 @@ def _same(told: Check, found: Check, slack: float) -> bool:
 def proof_checks(solution: Solution) -> tuple[Check, ...]:
     """Check that what is claimed to be proved is: by the evidence, or without any by the distance at rest."""
     # where that shows less, by evidence that is found anew, if some could be
+    solution = solution.reformulated
     claimed, evidence = solution.lower_bound, solution.evidence
     asked, moved = solution.problem.restoring, np.array([*solution.parameters.values()])
     if evidence is None and asked is not None and restored_at_least([asked], claimed, moved):
@@ -267,6 +268,7 @@ def without_evidence(solution: Solution | AssemblySolution) -> str:
             if own.problem.motion == solution.assembly.motions.get(pair.one) and (why := without_evidence(own)):
                 told.append(f"of {pair}: {why}")
         return "; ".join(told)
+    solution = solution.reformulated
     problem = solution.problem
     known = solution.evidence is not None or (problem.contacts and all(own.passed for own in proof_checks(solution)))
     return "" if known else _unproved(solution)

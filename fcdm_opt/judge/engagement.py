@@ -51,7 +51,7 @@ def inside_fit(solution: Solution) -> Solution:
 def outside_fit(solution: Solution) -> bool:
     """Tell whether a solution's motion leaves the fit; false without a motion."""
     known = solution.status.found and tuple(solution.parameters) == solution.problem.motion.names
-    return known and leaves_fit(solution.problem, tuple(solution.parameters.values()))
+    return known and leaves_fit(solution.problem.reformulated, tuple(solution.parameters.values()))
 
 
 @lru_cache(maxsize=16)

@@ -28,7 +28,6 @@ from fcdm_opt.judge.engagement import goes_through, leaves_fit
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
-from fcdm_opt.problem.contacts_restored import restores, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNCLAIMED, Bounded, Check, Solution, Status
@@ -216,9 +215,6 @@ def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float,
     checks.append(Check("contacts", told == len(assembly.contacts), told, len(assembly.contacts), "all that are asked"))
     for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
         asked, problem = assembly.problem(pair), own.problem.of_facets
-        if own.transform is not None and problem.goal != asked.goal:  # which it answers too, where it restores faces
-            touching = touching_again(asked)
-            asked = touching if touching is not None and restores(asked, own.transform) else asked
         keys = "goal", "contacts", "target", "clearance", "movable.vertices", "static.vertices"
         same = all(map(np.array_equal, *(attrgetter(*keys)(own) for own in (asked, problem))))
         checks.append(Check(f"asked: {pair}", same, float(same), 1.0, "the question is the assembly's"))

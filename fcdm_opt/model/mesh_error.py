@@ -127,7 +127,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
     if not solution.usable:
         impossible = problem.goal == "clear" and solution.status in IMPOSSIBLE  # for larger ones too
         return replace(solution, amount_low=math.inf, amount_high=math.inf) if impossible else solution
-    if problem.restoring is not None:
+    if problem.reformulated is not problem:
         return _between(solution, solution.lower_bound, amount)
     if problem.goal == "clear" or not amount > 0.0 or _gap_at_rest(problem) <= problem.contact_slack:
         return _between(solution, _least(solution, amount), amount)

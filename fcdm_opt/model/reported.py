@@ -46,7 +46,7 @@ def reported(
             "features": features,
         }
     return Solution(
-        problem=problem,
+        problem=problem.asked,
         status=Status.PAIR_OVERLAPS if moved and state == "overlapping" else answer.status,
         lower_bound=answer.lower_bound,
         pair=problem.target,

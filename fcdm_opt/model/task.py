@@ -121,6 +121,7 @@ class Task:
     @classmethod
     def of(cls, problem: Problem) -> Task:
         """Return the task of a problem."""
+        problem = problem.reformulated
         bodies = movable, static = problem.active
         pieces: tuple[Piece | TightLine | Flush, ...] = ()
         flush: tuple[Feature | None, ...] = ()
@@ -397,6 +398,11 @@ class Task:
         return np.clip(self.rest, self.limits[:, 0], self.limits[:, 1])
 
     @property
+    def flat(self) -> float:
+        """Length within which elements in contact are in one plane."""
+        return DEFAULT.cut * self.size
+
+    @property
     def met_at_rest(self) -> bool:
         """Whether there is nothing to do."""
         if self.joints and not self.restores(self.rest, DEFAULT.line * self.size):
@@ -567,7 +573,7 @@ class Task:
                 if first:
                     break
                 continue
-            for fault in contact_faults(self.movable, self.static, pose, rho, tracked, DEFAULT.cut * self.size):
+            for fault in contact_faults(self.movable, self.static, pose, rho, tracked, self.flat):
                 known = worst.get(fault.key)
                 if known is None or known[2] is None or fault.excess > known[2].excess:
                     worst[fault.key] = (float(s), pose, fault)
@@ -603,7 +609,7 @@ class Task:
         if len(self.movable.parts) == len(self.static.parts) == 1:
             overlaps: list[float] | None = []
         else:
-            overlaps = overlaps_between(self.movable, self.static, ends, touching, DEFAULT.cut * self.size)
+            overlaps = overlaps_between(self.movable, self.static, ends, touching, self.flat)
         alike = all(len(seat.carriers) == 1 or seat.holds_between(*ends) for seat in self.seats)
         return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked, *ends)]
 
@@ -630,7 +636,7 @@ class Task:
                 contact = supporting_contact(one, two, feature.normal, pose)
                 if whole != located(one, two, pose, contact, rho).feature:
                     return False
-        return all(seat.holds(pose, rho, DEFAULT.cut * self.size) for seat in self.seats)
+        return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack."""
@@ -659,7 +665,7 @@ class Task:
         for joint in self.joints:  # some part pair that carries it touches
             if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.carriers) <= slack:
                 return False
-        return all(seat.holds(pose, self.target, DEFAULT.cut * self.size) for seat in self.seats)
+        return all(seat.holds(pose, self.target, self.flat) for seat in self.seats)
 
     @property
     def is_equation(self) -> bool:
@@ -682,6 +688,8 @@ class Task:
             return False
         if self.tracked and self.path_faults(q, first=True):
             return False
+        if self.goal == "seat" and not all(own.holds(self.pose(q), self.target, self.flat) for own in self.seats):
+            return False  # flush or not
         if self.goal == "beyond" and not replace(self, pair="any", keep_out=()).meets(q, DEFAULT.requirement):
             return False
         gaps = self.pair_gaps(q)

@@ -279,13 +279,13 @@ def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> S
     parts = _parts_of(told["parameters"])
     problem = assembly.problem(pair, parts)
     problem = problem if told.get("goal", problem.goal) == problem.goal else problem.to_touch()
-    problem = problem.with_exact_points(told["exact_at"]) if "exact_at" in told else problem
+    problem = problem.with_exact_points(told["exact_at"]).asked if "exact_at" in told else problem
     return Solution.from_dict({**told, "problem": problem})
 
 
 def _exact_at(pair: JoinedPair, solution: Solution) -> dict[str, Any]:
     """Return the points at which the parts of a contact are exact, where there are any, and a goal not asked for."""
-    points, goal = solution.problem.exact_at, solution.problem.goal
+    points, goal = solution.problem.exact_at, solution.problem.reformulated.goal
     other = goal == "touch" != pair.asked.get("goal")
     return {} if points is None else {"exact_at": points, **({"goal": goal} if other else {})}
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import reduce
 from operator import rshift
 from pathlib import Path
@@ -172,7 +172,7 @@ class Defaults(SizeKeys, title="Defaults of all cases"):
     contacts: Literal["all"] | list[str] | None = declared(
         None,
         '"all", or labels of nominal contacts that goal "at", "seat" or "fit" restores together: ["V1F2(P1V6; '
-        'P2V2,V3,V5)", ...]; without it the one tracked, all of them with "made"',
+        'P2V2,V3,V5)", ...]; without it, or with [] where defaults have it, the one tracked, all of them with "made"',
         "all",
         ["V1F2(P1V6; P2V2,V3,V5)", "V1F2(P1V1; P2V2,V3,V5)"],
     )
@@ -238,10 +238,7 @@ class Case(Defaults, title="Cases"):
     def arguments(self, defaults: Defaults) -> dict[str, Any]:
         """Return what is asked of any scene, as `Problem` wants it; keep-outs still by name."""
         given = with_defaults(*({key: getattr(own, key) for key in own.model_fields_set} for own in (defaults, self)))
-        if "motion" not in given:
-            raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
-        steps = each("motion", [entry.step for entry in given["motion"]])
-        motion = given["motion"] = reduce(rshift, steps)
+        motion = given["motion"] = self.moved(defaults)
         if isinstance(given.get("amount"), AmountEntry):
             given["amount"] = OwnAmount.from_text(given["amount"].casadi, motion.names)
         if isinstance(given.get("resolution"), float):
@@ -254,8 +251,14 @@ class Case(Defaults, title="Cases"):
             if isinstance(given.get(key), Mapping):
                 given[key] = by_name(key, given[key], motion)
         if given.get("published") is not None:
-            given["published"] = _published_values(given["published"], steps)
+            given["published"] = _published_values(given["published"], motion.steps)
         return given
+
+    def moved(self, defaults: Defaults) -> Motion:
+        """Return the motion, its own or that of `defaults`; raises `InputError` where neither is one."""
+        if not (entries := self.motion or defaults.motion):
+            raise InputError("missing key", key="motion", allowed=str(Case.model_fields["motion"].description))
+        return reduce(rshift, each("motion", [entry.step for entry in entries]))
 
 
 RESTORING_GOALS = (None, "at", "seat", "fit")
@@ -266,7 +269,8 @@ def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[
     """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made"."""
     # and whose contacts go with the goals and the pair that restore them together, and clearance with what is "clear"
     given = {**defaults, **case}
-    if "contacts" not in case and (given.get("goal") not in RESTORING_GOALS or given.get("pair") == "clear"):
+    restoring = given.get("goal") in RESTORING_GOALS and given.get("pair") != "clear"
+    if case.get("contacts") == [] or ("contacts" not in case and not restoring):
         given.pop("contacts", None)
     state = given.get("goal"), given.get("pair")
     if "clearance" not in case and ("clear" not in state or "touch" in state):
@@ -401,14 +405,18 @@ def read_keep_outs(entries: Sequence[KeepOutEntry], file: Path | None) -> list[K
     return each("keep_out", [lambda k=k, own=own: own.keep_out(f"keep-out {k}", folder) for k, own in numbered])
 
 
-def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
-    """Return values by parameter name, in radians; the keys of angles say their unit."""
-    angle = BY_PARAMETER[key]
-    meaning: dict[str, tuple[str, Any]] = {}
+def _spellings(key: str, motion: Motion) -> dict[str, tuple[str, Any]]:
+    """Return which parameters the keys of values by parameter mean, and what converts their values."""
+    angle, meaning = BY_PARAMETER[key], dict[str, tuple[str, Any]]()
     for name, kind in motion.parameters:
         suffixes = {"": None} if kind == "translation" else {angle.degrees: angle.converted, angle.radians: None}
         meaning.update({name + suffix: (name, convert) for suffix, convert in suffixes.items()})
-    found: dict[str, Any] = {}
+    return meaning
+
+
+def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any]:
+    """Return values by parameter name, in radians; the keys of angles say their unit."""
+    meaning, found = _spellings(key, motion), dict[str, Any]()
     for spelling, value in given.items():
         if spelling not in meaning:
             unit = any(name == spelling for name, _ in meaning.values())
@@ -421,7 +429,7 @@ def by_name(key: str, given: Mapping[str, Any], motion: Motion) -> dict[str, Any
     return found
 
 
-def _published_values(entries: list[PublishedEntry], steps: list[Step]) -> list[float]:
+def _published_values(entries: list[PublishedEntry], steps: Sequence[Step]) -> list[float]:
     if len(entries) != len(steps):
         what = "not one table for each step of the motion"
         raise InputError(what, key="published", found=len(entries), allowed=f"{len(steps)}")
@@ -475,7 +483,7 @@ class ProblemFile(Entry, title="Problem file"):
         used = set[str]()
         for key, case in cases.items():  # what is wrong there is said before meshes are read
             with self._placing(case, key, file):
-                used |= case.arguments(self.defaults).keys()
+                used |= case.arguments(self.defaults_of(case)).keys()
         if self.defaults.clearance and "clearance" not in used:
             what, allowed = "no case asks for this clearance", '0, or goal = "clear", or pair = "clear", of some case'
             raise InputError(what, file=file, key="defaults.clearance", found=self.defaults.clearance, allowed=allowed)
@@ -487,12 +495,27 @@ class ProblemFile(Entry, title="Problem file"):
             pacing.check()
             try:
                 with self._placing(case, key, file):
-                    made.append(made_of(**case.asked(parts, self.defaults)))
+                    made.append(made_of(**case.asked(parts, self.defaults_of(case))))
             except InputError as reason:
                 if refused is None:
                     raise
                 refused.append((case.name, reason))
         return tuple(made)
+
+    def defaults_of(self, case: Case) -> Defaults:
+        """Return the defaults of a case, without values of parameters that the motions of other cases alone have."""
+        kept, motions = dict[str, Any](), dict[str, Motion]()
+        for own in self.case:
+            with suppress(InputError):  # which is told of that case
+                motions[own.name] = own.moved(self.defaults)
+        for key in BY_PARAMETER if case.name in motions else ():
+            if isinstance(given := getattr(self.defaults, key), Mapping) and given:
+                known = _spellings(key, motions[case.name])
+                others = {name for motion in motions.values() for name in _spellings(key, motion)} - known.keys()
+                kept[key] = {name: x for name, x in given.items() if name not in others} or (
+                    None if key == "resolution" else {}
+                )
+        return self.defaults.model_copy(update=kept)
 
     @contextmanager
     def _placing(self, case: Case, key: str, file: Path | None) -> Iterator[None]:

@@ -67,6 +67,10 @@ MOST_TURNED = 100.0  # radians of turning beyond which a path is looked at no mo
 _MADE = ("tolerance", "target")  # arguments that only the target pair depends on
 _NOMINAL = ("nominal_pair", "_nominal_pair_touches")  # of the nominal contact, besides where it is on the curve
 _ON_CURVE = ("nominal_contact", "_closed")
+_AS_DRAWN = (  # of contacts as drawn, and what is asked of them
+    *(*_NOMINAL, *_ON_CURVE, "_located", "_touches", "_tight_lines", "nominal_seats", "nominal_joints", "alternatives"),
+    *("goal", "contacts", "path", "pair", "touches_between_facets", "round_contacts", "signs"),
+)
 HALVINGS = 7  # of the sizes made, to where contacts as drawn are last there
 
 
@@ -232,16 +236,34 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def to_touch(self) -> Problem:
         """Return the question of goal "touch" about the same parts, which all that restores their contacts answers.
 
-        Its `restoring` is this one, whose goal is what people are told.
+        Its `restoring` is this one.
         """
         other = self.of_facets.changed(goal="touch", contacts=None, path=None, pair="any")
-        other.__dict__["restoring"] = self
+        other.__dict__["restoring"] = self.of_facets
         return other
 
     @property
     def restoring(self) -> Problem | None:
-        """The question about contacts as drawn that this one stands for, see `to_touch`; else None, also from files."""
+        """The question of facets about contacts as drawn that is solved as this one, see `to_touch`; else None."""
         return self.of_facets.__dict__.get("restoring")
+
+    @property
+    def reformulated(self) -> Problem:
+        """The question that is solved and judged for this one: itself, or where it restores contacts `to_touch`."""
+        found: Problem = self.__dict__.get("_reformulated", self)
+        return found
+
+    @property
+    def asked(self) -> Problem:
+        """What was asked of the same parts where this is a question `to_touch`, which is `reformulated` of it."""
+        if (drawn := self.restoring) is None:
+            return self
+        nominal = {key: own for key, own in vars(drawn).items() if key in _AS_DRAWN}
+        own = {key: value for key, value in vars(self).items() if key not in ("restoring", *_AS_DRAWN)}
+        request = {**drawn.request, "exact_at": self.exact_at}
+        made = object.__new__(Problem)
+        made.__dict__.update({**own, **nominal, "request": request, "of_facets": drawn, "_reformulated": self})
+        return made
 
     @property
     def drawn(self) -> dict[str, Body]:
@@ -355,12 +377,14 @@ class Problem(NominalContact, Scene, NotebookRepr):
 
         Of what does not depend on these nothing is checked again.
         """
+        if self.reformulated is not self:
+            return self.of_facets.changed(**arguments)  # the points are of these sizes
         same = all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items())
         if not same:
             return Problem(**{**self.request, **arguments})
         asked = checked_arguments(SizeKeys, arguments)
         request = {**self.request, **{key: getattr(asked, key) for key in arguments}}
-        kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets")}
+        kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets", "restoring")}
         return _with_attributes({**kept, "request": request, **_sizes_made(request, self)})
 
     def with_sizes(self, values: Mapping[str, float]) -> Problem:
@@ -417,9 +441,14 @@ class Problem(NominalContact, Scene, NotebookRepr):
         drawn = self.of_facets
         return _with_attributes({**_resolved({**drawn.request, "exact_at": points}, None, drawn), "of_facets": drawn})
 
+    def restored_at(self, points: Mapping[str, Any]) -> Problem:
+        """Return the same question `with_exact_points`; of contacts of round faces what is solved is `reformulated`."""
+        return (imported("problem.contacts_restored:touching_again")(self) or self).with_exact_points(points).asked
+
     def with_active_parts(self, indices: Indices) -> Problem:
         """Return the same question with other parts of large bodies looked at; see `problem.active_parts`."""
-        return _with_attributes(_resolved(self.request, indices, self))
+        drawn = {} if self.exact_at is None else {"of_facets": self.of_facets}
+        return _with_attributes({**_resolved(self.request, indices, self), **drawn})
 
     # --------------------------------------------------------------------------------------------------- plain data
 
@@ -429,8 +458,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         A problem equals itself alone; of two these data tell whether they ask the same.
         """
         asked, kinds = self.request, dict(self.motion.parameters)
-        if self.restoring is not None:  # the goal that people asked for, and where parts are exact
-            asked = {**self.restoring.request, "exact_at": asked["exact_at"]}
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]
         case = {key: plain(asked[key]) for key in keys}
         case["motion"] = [step.own_plain() for step in self.motion.steps]
@@ -458,13 +485,13 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """
         data, points = _without_path(data), None
         with suppress(AttributeError, IndexError, KeyError, TypeError):  # of what is none, see below
-            if data["case"][0]["goal"] in ("at", "seat"):  # and parts exact at points: see `to_touch`
+            if data["case"][0].get("goal") not in ("touch", "clear"):  # the contacts are of parts without these points
                 points = data["case"][0].get("exact_at")
                 data = {**data, "case": [{k: x for k, x in own.items() if k != "exact_at"} for own in data["case"]]}
         problems = checked(ProblemFile, data).problems(cls)
         if len(problems) > 1:
             raise InputError("more than one case", key="case", found=len(problems), allowed="one")
-        return problems[0] if points is None else problems[0].to_touch().with_exact_points(points)
+        return problems[0] if points is None else problems[0].restored_at(points)
 
 
 def _with_attributes(values: Mapping[str, Any]) -> Problem:

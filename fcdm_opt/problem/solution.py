@@ -581,8 +581,14 @@ class Solution(Bounded):
 
     @property
     def question(self) -> Problem:
-        """`problem`, or what that stands for, see `Problem.restoring`."""
-        return self.problem.restoring or self.problem
+        """`problem`, without points at which parts are exact where it restores contacts of round faces."""
+        return self.problem if self.problem.reformulated is self.problem else self.problem.of_facets
+
+    @property
+    def reformulated(self) -> Self:
+        """The same answer to what was solved, see `Problem.reformulated`."""
+        solved = self.problem.reformulated
+        return self if solved is self.problem else replace(self, problem=solved)
 
     @property
     def exact_of_mesh(self) -> bool:
@@ -591,7 +597,7 @@ class Solution(Bounded):
 
     @property
     def _why_unknown(self) -> str:
-        problem = self.problem
+        problem = self.problem.reformulated
         more = problem.contacts and imported("problem.contacts_restored:unfollowed")(problem)
         if more:
             what = "contact touches" if more == 1 else "contacts touch"
@@ -637,7 +643,8 @@ class Solution(Bounded):
     @property
     def _why_not(self) -> str:
         """Which widths do not go together, or contacts that are not met."""
-        words = verdict(self.problem) or "; ".join(self.active * (self.status is Status.NOT_FOUND))
+        told = self.active * (self.status in (Status.NOT_FOUND, Status.NOT_IN_STEPS))
+        words = verdict(self.problem) or "; ".join(told)
         if words and self.status is Status.NOT_FOUND and sum(own.is_flush for own in self.problem.contacts) > 1:
             words += f"; {PARALLEL}"
         return words
@@ -663,7 +670,7 @@ class Solution(Bounded):
         Of the parts made; those that are restored together where the problem names some. < 0 where its parts overlap.
         Empty without a motion, and where the nominal pair has no contact.
         """
-        problem = self.problem
+        problem = self.problem.reformulated
         if self.transform is None or not np.isfinite(self.transform).all():
             return {}
         joints = problem.chosen_joints or problem.nominal_joints

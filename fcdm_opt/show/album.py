@@ -140,7 +140,7 @@ def solution_pieces(solution: Solution) -> ScenePieces:
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
     """Return what is drawn of an answer, and at which sizes."""
-    problem = solution.problem
+    problem = solution.problem.reformulated
     rho, transform = problem.nominal_pair if solution.rho is None else solution.rho, solution.transform
     overlap = None
     if transform is None or solution.status.name == "OUTSIDE_FIT":  # why there is no motion to use

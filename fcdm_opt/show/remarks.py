@@ -99,7 +99,7 @@ def _frames(solution: Solution) -> list[str]:
 
 def _contacts(solution: Solution) -> list[str]:
     """Return what became of the contacts of the nominal position, where there are several."""
-    problem, unit, gaps = solution.problem, solution.problem.unit, solution.contact_gaps
+    problem, unit, gaps = solution.problem.reformulated, solution.problem.unit, solution.contact_gaps
     if not problem.contacts:
         if problem.goal != "touch" or solution.status is Status.OUTSIDE_FIT or not solution.open_contacts:
             return []
@@ -132,7 +132,7 @@ def _contacts(solution: Solution) -> list[str]:
             named = feature.told(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
-        return [*told, *solution.active]
+        return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]
     if problem.goal == FIT:
         told += solution.active
     else:

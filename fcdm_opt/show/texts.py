@@ -116,7 +116,7 @@ def goal_text(problem: Problem) -> str:
     """Return the goal, with the least gap where it asks for one: "clear by 0.04 mm"."""
     asked = problem.goal == "clear" and problem.clearance > 0.0
     clear = f"clear by {measured(number(problem.clearance), problem.unit)}"
-    return clear if asked else (problem.restoring or problem).goal
+    return clear if asked else problem.goal
 
 
 def sizes_text(scene: Scene, of: str | None = None) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import measured
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
@@ -28,13 +30,14 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
 
     A goal that is an equation ("at", "seat", and pairs that must touch) is met to within what the steps leave open,
     see `Motion.play`: of the motions in which the target pair does not overlap the one nearest to it wins, and its
-    gap is reported as it is. No lower bound is known then.
+    gap is reported as it is. No lower bound is known then. Goal "seat" must be met, as faces are flush or not. Where
+    none does, the nearest one is told.
     """
     if task.resolution is None or answer.q is None:
         return answer
     stage = f"{answer.stage}; then whole steps"
     rounded = task.resolution > 0
-    near, best = _near(task, answer.q), None
+    near, best = [*_near(task, answer.q)], None
     if rounded.all():
         ranked = sorted(near, key=lambda q: (task.miss(q) if task.is_equation else 0.0, task.amount(q)))
         best = next(filter(task.meets_in_steps, ranked), None)
@@ -51,10 +54,20 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
                 best = found.q
     if best is None:
         status = Status.NOT_FOUND if pacing.over() else Status.NOT_IN_STEPS
-        return Answer(status, None, f"{stage}, none near", answer.lower_bound)
+        return Answer(status, None, f"{stage}, none near", answer.lower_bound, _nearest(task, near))
     bound = 0.0 if task.is_equation and rounded.all() else min(answer.lower_bound, task.amount(best))
     status = answer.status if np.array_equal(best, answer.q) else Status.SOLVED
     return Answer(status, best, stage, bound, (*answer.active, "whole steps"), answer.modelled)
+
+
+def _nearest(task: Task, near: Sequence[Array]) -> tuple[str, ...]:
+    """Return which of some motions misses the requirement least, in words; of an equation one without overlap first."""
+    found, unit = [(False, -task.misses(q)[0], q) for q in near], task.length_unit
+    if task.is_equation:
+        found = [(task.gap(q) < -DEFAULT.touch * task.size, task.miss(q), q) for q in near]
+    _, short, q = min(found, key=itemgetter(0, 1), default=(False, 0.0, task.rest))
+    motion, known = task.motion.describe(q, unit=unit), 0.0 < short < np.inf
+    return (f"the nearest in whole steps, {motion}, misses it by {measured(short, unit, 4)}",) * known
 
 
 def _between(task: Task, low: float, high: float | None) -> Array:

@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import tomllib
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,30 @@ def test_a_block_in_a_corner_of_three_walls_is_to_touch_them_all(tmp_path: Path)
         # the block's face at 0 moves to 1 - (1 + 0.02 one), the wall there to seed - seed (1 + 0.02 two)
         shift = 0.02 * (one - two * seed)
         assert list(solve(problem).parameters.values()) == pytest.approx([shift] * 3, rel=1e-9)
+
+
+@pytest.mark.parametrize("play", [0.0, 0.1])
+def test_a_case_that_fits_under_no_motion_took_a_contact_from_the_others(tmp_path: Path, play: float) -> None:
+    """A plug on floor and wall of its pocket: larger by 2 % in one smaller by 2 % it is wider than that."""
+    import trimesh
+
+    plug = box(tmp_path / "plug.off", (12.0, 8.0, 20.0), (6.0, 0.0, 10.0))
+    block = trimesh.creation.box(bounds=[[-10, -15, -10], [22 + play, 15, 15]])
+    pocket = trimesh.creation.box(bounds=[[0, -5, 0], [12 + play, 5, 30]])
+    trimesh.boolean.difference([block, pocket]).export(tmp_path / "socket.off")
+    text, path = drafted(plug, tmp_path / "socket.off", tmp_path)
+    assert '\ncontacts = "all"' in text or not play
+    solved = [solve(problem) for problem in load_problems(path)]
+    # the width is 12 (1 +- 0.02), that of the room (12 + play) (1 -+ 0.02)
+    fits = [12 * (1 + one) <= (12 + play) * (1 + two) for one, two in product((0.02, -0.02), (0.02, -0.02))]
+    assert [own.usable for own in solved] == fits
+    if play:
+        assert "restore them all in every case but B, in which the parts do not fit" in text
+        seed = Body.from_file(tmp_path / "socket.off", unit="mm").seed
+        for own, (one, two) in zip(solved, product((1, -1), (1, -1)), strict=True):
+            if own.usable:
+                least = [0.02 * (one * 6 - two * seed[0]), 0.0, 0.02 * (one * 10 - two * seed[2])]
+                assert [*own.parameters.values()] == pytest.approx(least, abs=1e-9)
 
 
 def test_shoulders_that_are_all_kept_were_said_not_to_be_restored_all(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from cases import box_shape, shape
 
+import fcdm_opt as fo
 from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -294,6 +295,27 @@ def test_no_motion_in_whole_steps_within_the_limits_is_said():
     assert solution.status is Status.NOT_IN_STEPS
     assert "resolution" in solution.status.value
     assert not solution.parameters
+    assert "TX -0.2, misses it by 0.05" in solution.explained
+
+
+@pytest.mark.parametrize("off", [0.01, 0.02, 0.03])
+def test_faces_that_whole_steps_leave_open_were_a_motion_that_the_judge_refused(off: float) -> None:
+    """A block shorter by `off` below and beside lies flush at (-off, -off) alone; steps are of 0.03."""
+    corner = fo.joined(fo.Box((40, 10, 4), centre=(10, 0, -2)), fo.Box((4, 10, 20), centre=(-2, 0, 10)))
+    sizes = [fo.Size(name, "movable", faces=[f"-{name}"]) for name in "xz"]
+    asked = Problem(
+        fo.Box((10, 10, 10), centre=(5, 0, 5)), corner, sizes=sizes, made={"x": -off, "z": -off},
+        goal="seat", motion=X >> Translation("z"), resolution=0.03,
+    )  # fmt: skip
+    found = solve(asked)
+    if off == 0.03:
+        assert found.usable
+        assert [*found.parameters.values()] == pytest.approx([-0.03, -0.03])
+    else:
+        assert found.status is Status.NOT_IN_STEPS
+        assert f"in whole steps, TX 0 + TZ 0, misses it by {off:g}" in found.advice
+        assert str(found).count("misses it by") <= 1
+    assert usable(asked.changed(goal="at")).pair_gap == pytest.approx(off % 0.03)
 
 
 @pytest.mark.slow

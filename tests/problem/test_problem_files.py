@@ -6,11 +6,13 @@ import json
 import math
 import re
 import tomllib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fcdm_opt.design.question import Question
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.primitives import Box
@@ -172,6 +174,42 @@ def test_a_case_overrides_the_defaults_and_bodies_may_stand_elsewhere(tmp_path: 
     assert (one.clearance, two.clearance, one.pair) == (0.5, 0.25, "any")
     assert one.movable.name == "movable"
     assert one.static.vertices[1].tolist() == [2.0, 0.0, 0.0]
+
+
+def test_a_case_takes_of_defaults_what_its_motion_has(tmp_path: Path) -> None:
+    """Limits and steps of other cases' parameters were refused for it."""
+    head = '[defaults]\ngoal = "touch"\ntarget = [1.0, 1.0]\nlimits = { TX = [-1, 1], RZ_deg = [-90, 90] }\n'
+    head += "resolution = { TX = 0.5, TY = 0.25 }\n"
+    cases = (
+        ("x", '{ translation = "x" }'),
+        ("turn", '{ rotation = "z", centre = "seed" }'),
+        ("y", '{ translation = "y" }'),
+    )
+    text = "".join(f'[[case]]\nname = "{name}"\nmotion = [{motion}]\n' for name, motion in cases)
+    x, turn, y = load(tmp_path, BODIES + head + text)
+    assert (x.limits.tolist(), x.resolution.tolist()) == ([[-1, 1]], [0.5])
+    assert (turn.limits.tolist(), turn.resolution) == ([[-np.pi / 2, np.pi / 2]], None)
+    assert (y.limits.tolist(), y.resolution.tolist()) == ([[-np.inf, np.inf]], [0.25])
+    read = [question.problem() for question in Question.read(tmp_path / "case.toml")]
+    assert [own.to_dict()["case"] for own in read] == [own.to_dict()["case"] for own in (x, turn, y)]
+    with pytest.raises(InputError, match=r"defaults\.limits\.TZ: for case\[1\] 'x': no such parameter"):
+        load(tmp_path, BODIES + head.replace("TX", "TZ", 1) + text)
+    own = text + "limits = { TX = [0, 1] }\n"
+    with pytest.raises(InputError, match=r"case\[3\] 'y'\.limits\.TX: no such parameter"):
+        load(tmp_path, BODIES + head + own)
+
+
+def test_a_case_takes_back_all_contacts_of_the_defaults(tmp_path: Path) -> None:
+    head = '[defaults]\ngoal = "at"\ntarget = [1.0, 1.0]\ncontacts = "all"\nmotion = [{ translation = "x" }]\n'
+    text = '[[case]]\nname = "all"\n[[case]]\nname = "tracked"\ncontacts = []\n'
+    corners = [[list(own) for own in product(*ends)] for ends in ([(0, 1)] * 3, [(1, 2), (-1, 2), (-1, 2)])]
+    bodies = "".join(
+        f"[bodies.{role}]\nvertices = {own}\n" for role, own in zip(("movable", "static"), corners, strict=True)
+    )
+    every, one = load(tmp_path, bodies + head + text)
+    assert every.contacts
+    assert not one.contacts
+    assert one.request["contacts"] is None
 
 
 def test_amounts_steps_and_features_read_and_written_are_the_same(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Contacts as drawn of round parts are restored on their true faces: closed forms."""
 
+import json
 from dataclasses import replace
+from html import unescape
 from itertools import product
 from math import cos, hypot, sin
 
@@ -189,7 +191,7 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
         assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
         assert fo.verify(found, proof=True).passed
         read = fo.Solution.from_dict(found.to_dict())
-        assert read.problem.restoring.goal == "at"
+        assert read.problem.goal == "at"
         assert fo.verify(read, proof=True).passed
     rates = found.sensitivity
     assert rates.sizes["diameter"] == pytest.approx(np.sign(off) / 2 / sin(half), rel=1e-6)
@@ -276,3 +278,44 @@ def test_a_keep_out_that_the_restored_roller_would_meet() -> None:
     thin = fo.solve(fo.Problem(roller, v_block(np.pi / 4, 5.0), **asked, made={"diameter": -0.05}))
     assert thin.usable
     assert thin.amount == pytest.approx(0.025 / sin(np.pi / 4), rel=1e-6)
+
+
+@pytest.mark.parametrize("asked", [{"goal": "at"}, {"contacts": "all"}])
+def test_the_question_of_an_answer_was_the_one_that_was_solved_inside(asked: dict[str, str]) -> None:
+    """Goal "touch" without contacts: of other sizes it asks for less, and its plain data asked for something else."""
+    corner = fo.cut(fo.Box((24, 24, 24), centre=(10, 10, 10)), fo.Box((24, 24, 24), centre=(12, 12, 12)))
+    size = fo.Size("diameter", "movable", faces="sphere radius 5", each=0.5, tolerance=0.05)
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    ball = fo.Sphere(5.0, centre=(5, 5, 5))
+    problem = fo.Problem(ball, corner, sizes=[size], made={"diameter": -0.05}, motion=motion, **asked)
+    found = fo.solve(problem)
+    read = fo.Solution.from_dict(json.loads(json.dumps(found.to_dict())))
+    for own in (found, read, fo.Solution.from_dict({**found.to_dict(problem=False), "problem": found.problem})):
+        assert fo.verify(own, proof=True).passed
+        kept = own.problem
+        assert (kept.goal, kept.path, kept.pair) == (problem.goal, problem.path, problem.pair)
+        assert [str(each) for each in kept.contacts] == [str(each) for each in problem.contacts]
+        plain = kept.to_dict()
+        del plain["case"][0]["exact_at"]
+        assert plain == problem.to_dict()
+        assert f"goal {problem.goal}" in str(own)
+        assert f'"{problem.goal}"' in unescape(kept._repr_html_())
+        other = fo.solve(kept.changed(made={"diameter": 0.04}))
+        assert [*other.parameters.values()] == pytest.approx([0.02] * 3, rel=1e-9)
+        assert fo.whatif(own.problem, made={"diameter": 0.04}).after.amount == pytest.approx(0.02 * 3**0.5)
+        assert own.sensitivity.sizes["diameter"] == pytest.approx(-(3**0.5) / 2, rel=1e-6)
+
+
+def test_the_question_of_a_contact_of_an_assembly_was_the_one_that_was_solved_inside(tmp_path) -> None:
+    for name, side in (("left", -10), ("right", 10)):
+        fo.Box((10, 12, 14), centre=(side, 0, 0)).to_file(tmp_path / f"{name}.stl")
+    fo.Cylinder(5.0, 30.0, base=(0, 0, -15), facets=24).to_file(tmp_path / "rod.stl")
+    (tmp_path / "gripper.toml").write_text(GRIPPER)
+    for assembly in fo.load_assemblies(tmp_path / "gripper.toml"):
+        found = fo.solve(assembly)
+        read = fo.AssemblySolution.from_dict(json.loads(json.dumps(found.to_dict())))
+        for own in (found, read):
+            assert fo.verify(own, proof=True).passed
+            for pair, contact in zip(assembly.contacts, own.contacts, strict=True):
+                assert contact.problem.goal == assembly.problem(pair).goal != "touch"
+                assert [*map(str, contact.problem.contacts)] == [*map(str, assembly.problem(pair).contacts)]

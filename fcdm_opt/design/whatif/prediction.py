@@ -46,7 +46,7 @@ def prediction(before: Any, problem: Any) -> Prediction:
     """Return the amount of a changed question, `problem`, to first order."""
     # right to second order in the changes while the same constraints hold the motion
     several = isinstance(before, AssemblySolution)
-    discrete = [] if several else [*_discrete(before.problem.restoring or before.problem, problem)]
+    discrete = [] if several else [*_discrete(before.question, problem)]
     told = discrete
     if not discrete:  # else the derivatives need not be worked out
         told = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
@@ -66,7 +66,6 @@ def _of_motion(before: Any, new: Any) -> float | None:
     """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed."""
     # it is right across motions at which the amount has a kink, as where a part is moved the other way
     old, rates = before.question, before.sensitivity
-    old = getattr(old, "restoring", None) or old
     others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
     alike = all(same(old.request[key], new.request[key]) for key in others)
     if not (alike and before.coordinates) or old.amount != "weighted":

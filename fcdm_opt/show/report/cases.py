@@ -207,7 +207,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
     """Return the bodies and all frames."""
-    problem = problem if solution.problem.exact_at is None else solution.problem
+    problem = problem if solution.problem.exact_at is None else solution.problem.reformulated
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
     seen = window(problem, solution, far)
     frames = Frames(problem, seen)

@@ -93,7 +93,7 @@ def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str,
     q = np.array(list(solution.parameters.values()))
     if solution.transform is None or not q.any():
         return None
-    problem, task = solution.problem, Task.of(solution.problem)
+    problem, task = solution.problem.reformulated, Task.of(solution.problem)
     low, high = problem.limits.T
     slack = DEFAULT.requirement * problem.length / problem.weights
 
