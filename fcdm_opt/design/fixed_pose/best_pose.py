@@ -44,6 +44,7 @@ MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks fo
 EFFORT = 20_000  # cells: a second or two for two parameters
 NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
 FAR_ROUNDS = 4  # of such, at most
+SOON = 0.1  # of what true gaps were less by: where no more is left of it, points as they are found lead on
 GAIN = 0.1  # share of the worst gap by which a pose that true faces led to is left for a better one near it
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
@@ -404,7 +405,7 @@ def _of_gap(
     """
     true, opened, places, start = true_sizes(problem, scales), list[Array](), list[Array](), None
     proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
-    exact, effort = False, most if true is None else 0
+    exact, effort, short = False, most if true is None else 0, np.inf
     for turn in range(2 * ROUNDS):
         pacing.at("searching for the best pose")
         worst = Worst.of(problem, scales, *window, true)
@@ -423,8 +424,8 @@ def _of_gap(
         effort = most * proves * exact
         if exact or true is None:
             continue
-        places += [place for place, _ in true.asked]
-        if true.short <= NEAR * problem.size or turn >= FAR_ROUNDS:
+        places, before, short = [*places, *(place for place, _ in true.asked)], short, true.short
+        if short > SOON * before and (short <= NEAR * problem.size or turn >= FAR_ROUNDS):
             start, gaps = polished(worst, true, found.found, places)
             true.refined(transforms_of(problem, start)[""], gaps)
     if exact and (true is None or (proves and most)):

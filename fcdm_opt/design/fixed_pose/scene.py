@@ -257,14 +257,16 @@ def _no_more(values: Array) -> float:
 class OwnSizes(SizedBodies):
     """Two bodies as drawn, with their own sizes; the rows at an orientation are those of all shifts about it.
 
-    Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about.
+    Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about. With
+    `true` the bodies are exact at its points, and pins have rows all around their bores, see `TrueSizes.all_around`.
     """
 
     def __init__(
         self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None,
-        apart: Collection[tuple[int, int]] = (),
+        true: TrueSizes | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(movable, static, Sizes(tolerance_boxes(own)), apart)
+        super().__init__(movable, static, Sizes(tolerance_boxes(own)), () if true is None else true.apart())
+        self._true = true
         self.own, self.names, self.places = own, tuple(size.name for size in own), places
         self.reach, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
@@ -289,7 +291,10 @@ class OwnSizes(SizedBodies):
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
             without={*self.permanent, *self.apart},
         )  # fmt: skip
+        if self._true is not None:
+            found = self._true.all_around(found, transform, np.eye(3))
         self._kept = [found]
+        self._normals = np.vstack([own.normals for own in found.pairs]), np.array([own.parts for own in found.pairs])
         return found, np.zeros(3)
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
@@ -305,16 +310,15 @@ class OwnSizes(SizedBodies):
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""
         (touching, shift), count = self._touching(pose), len(self.own)
         values, starts = touching.stacked
-        rows = np.column_stack([
-            np.vstack([pair.normals for pair in touching.pairs]), values[:, 0] + values[:, 1 + count :] @ shift,
-            values[:, 1 : 1 + count],
-        ])  # fmt: skip
-        pairs = np.array([pair.parts for pair in touching.pairs])
+        normals, pairs = self._normals
+        rows = np.column_stack([normals, values[:, 0] + values[:, 1 + count :] @ shift, values[:, 1 : 1 + count]])
         return GapRows(rows, np.append(starts, len(rows)), pairs, pose, along=True)
 
     def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
         """Return the gaps of part pairs at a pose and sizes, (p, n); infinite of those that are far apart there."""
         at, found = self.rows(pose), np.full((len(pairs), len(sizes)), np.inf)
+        if np.array_equal(pairs, at.pairs):
+            return at.of_pairs(sizes)
         places, known = np.nonzero((pairs[:, None] == at.pairs).all(axis=2))
         found[places] = at.of_pairs(sizes)[known]
         return found

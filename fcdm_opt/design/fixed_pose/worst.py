@@ -98,8 +98,7 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        apart = () if true is None else true.apart()
-        scene, names = OwnSizes(movable, static, problem.sizes, places, apart), [size.name for size in problem.sizes]
+        scene, names = OwnSizes(movable, static, problem.sizes, places, true), [size.name for size in problem.sizes]
         kept = (own for own, _ in _kept_clear(problem, scene.sizes, names, own=True, places=places))
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
