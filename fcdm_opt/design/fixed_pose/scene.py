@@ -99,6 +99,14 @@ class SizedBodies:
         """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""
         raise NotImplementedError
 
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+        """Return those closed at each of some poses."""
+        found = self.closed(poses[0])
+        for pose in poses[1:]:
+            closed = self.closed(pose) if found else {}
+            found = {own: feature for own, feature in found.items() if own in closed}
+        return found
+
     @cached_property
     def counted(self) -> Flags:
         """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
@@ -109,12 +117,7 @@ class SizedBodies:
 
     def leave_out(self, poses: Iterable[Array]) -> None:
         """Do not count part pairs that are closed at all sizes at each of these poses, a flange on its plate."""
-        first, *others = poses
-        permanent = self.closed(first)
-        for pose in others:
-            closed = self.closed(pose) if permanent else {}
-            permanent = {own: feature for own, feature in permanent.items() if own in closed}
-        self.permanent = permanent
+        self.permanent = self.closed_at_each([*poses])
 
     @property
     def permanent_in_words(self) -> tuple[str, ...]:
@@ -299,10 +302,20 @@ class OwnSizes(SizedBodies):
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return them, by their rows."""
-        transform = self._transform(pose)
-        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, permanent=False,
-                              without=self.apart)  # fmt: skip
-        middle = self.sizes.middle
+        return self.closed_at_each([pose])
+
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+        """Return those closed at each of some poses: of one orientation at all shifts that these span."""
+        transforms = np.array([self._transform(own) for own in poses])
+        if (transforms[:, :3, :3] != transforms[0, :3, :3]).any():
+            return super().closed_at_each(poses)
+        offsets = transforms[:, :3, 3] - transforms[0, :3, 3]
+        spread = np.linalg.svd(offsets)
+        ways = spread[2][: int((spread[1] > DEFAULT.nominal * self.size).sum())]
+        ranges = np.column_stack([own(offsets @ ways.T, axis=0) for own in (np.min, np.max)])
+        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transforms[0], least=False,
+                              permanent=False, without=self.apart, shifts=(ways, ranges))  # fmt: skip
+        middle = np.append(self.sizes.middle, np.zeros(len(ways)))
         rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
         return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}
 
