@@ -78,7 +78,7 @@ class TouchingSizes:
     # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
     between: float = (
-        0.0  # by how much gaps may be less between two directions that have rows, see `TrueSizes.all_around`
+        0.0  # by how much gaps of true faces may be less, as between two directions of `TrueSizes.all_around`
     )
     as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
 

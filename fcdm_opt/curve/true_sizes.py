@@ -66,10 +66,9 @@ def touching_true_faces(
         refined = at_all.refined(pose, asked)
         if not turn and every_row and (others := at_all.shifted(ends[0][0])):
             continue  # with rows all around round faces that touch there
-        if not refined:
-            pairs = _without_hidden(found.pairs, found.box)
-            faces = frozenset(at_all.permanent)
-            return replace(found, pairs=pairs, permanent_faces=faces, between=at_all.between)
+        if not refined or turn == ROUNDS - 1:
+            pairs, off = _without_hidden(found.pairs, found.box), max(at_all.between, refined * at_all.short)
+            return replace(found, pairs=pairs, permanent_faces=frozenset(at_all.permanent), between=off)
         near = zip([place for place, _ in asked], at_all.deepest, strict=True)
         others = [place for place, own in near if own is not None and (every_row or turn)]
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)

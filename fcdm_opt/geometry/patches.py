@@ -223,7 +223,10 @@ class TrueFaces:
     def at_each(self, points: Array, near: float = 0.0) -> list[list[int]]:
         """Return those of each of several points, (n, 3)."""
         near, (low, high) = max(DEFAULT.tie * self.body.size, near), self._boxes
-        around, found = (low - near <= points[:, None]) & (points[:, None] <= high + near), [list[int]() for _ in points]
+        around, found = (
+            (low - near <= points[:, None]) & (points[:, None] <= high + near),
+            [list[int]() for _ in points],
+        )
         for k, (patch, within) in enumerate(zip(self.patches, around.all(axis=2).T, strict=True)):
             rows = np.flatnonzero(within)
             rows = rows[np.abs(patch.gaps(points[rows])[0]) <= near] if len(rows) else rows

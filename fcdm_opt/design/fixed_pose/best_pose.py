@@ -416,9 +416,7 @@ def _of_gap(
             opened.append(q)
             continue
         pose = transforms_of(problem, q)[""]
-        exact = (
-            true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None) is not None
-        )
+        exact = true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)[1]
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
@@ -444,7 +442,7 @@ def _at_last(
         worst.leave_out_permanent()
         at = found_at(worst, q)
         pose = transforms_of(problem, q)[""]
-        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None) is not None:
+        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None)[1]:
             break
     inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
     status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
@@ -484,6 +482,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         problem=problem,
         standing=worst.scene.permanent_in_words,
         permanent_parts=tuple(worst.scene.permanent),
+        permanent_faces=frozenset() if isinstance(gaps, ContactGaps) and gaps.exact else None,
     )
 
 

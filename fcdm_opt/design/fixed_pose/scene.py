@@ -380,8 +380,8 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
 
 def true_extremes(
     true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool
-) -> Extremes | None:
-    """Return the extreme gaps at a pose as the true faces have them; None where the bodies were made exact there anew.
+) -> tuple[Extremes, bool]:
+    """Return the extreme gaps at a pose as the true faces have them, and whether the bodies had been exact there.
 
     Small pieces of a round solid lie less deep in another one than the whole of it. Where sizes shift round faces these
     may be nearer at either end of these.
@@ -389,11 +389,10 @@ def true_extremes(
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
     gaps = rows.gaps(np.array(others)).tolist() if others else []
-    if true.refined(transform, [*ends, *zip(others, gaps, strict=True)]):
-        return None
+    refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
-    return Extremes(least, most, extremes.doubt)
+    return Extremes(least, most, extremes.doubt), not refined
 
 
 class ScaleGaps(NamedTuple):
@@ -412,14 +411,15 @@ class ScaleGaps(NamedTuple):
         """Return it for bodies of facets, the movable one at a pose (4, 4), over scales between the ends of `box`."""
         sizes = Sizes(box)
         true = true_scales(movable, static, sizes)
-        for turn in range(ROUNDS + 1):
-            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+        for _ in range(ROUNDS):
             scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
             pose = scene.pose(transform)
             scene.leave_out([pose])
             rows = scene.rows(pose)
             extremes = scene.extremes(rows)
-            exact = extremes if true is None else true_extremes(true, transform, extremes, rows, own=False)
-            if exact is not None:
+            if true is None:
                 break
-        return cls(scene, rows, exact or extremes, true)
+            extremes, exact = true_extremes(true, transform, extremes, rows, own=False)
+            if exact:
+                break
+        return cls(scene, rows, extremes, true)
