@@ -40,7 +40,7 @@ SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
-APART = 0.05  # of the size: nearer points of a time are one
+APART = 0.05  # of the size: nearer points at the same sizes are one
 ROLES = "movable", "static"
 
 
@@ -440,20 +440,22 @@ class TrueSizes:
 
     def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
-        slack, new = DEFAULT.planarity * self.size, list[tuple[Array, ...]]()
+        slack, near, new = DEFAULT.planarity * self.size, DEFAULT.tie * self.size, list[tuple[Array, ...]]()
         self.asked, self.deepest = list(claimed), []
         for place, gap in claimed:
             found = self.nearest(pose, place, gap)
             self.deepest.append((found[0].gap, found[0].normal) if found else None)
-            nearest = _off_edges([own for own in found if own.gap < gap - slack], slack)
+            nearest, first = _off_edges([own for own in found if own.gap < gap - slack], slack), len(new)
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
                 sides = zip(self.faces, own.points, own.patches, strict=True)
                 both = tuple(body.drawn(point, patches, place) for body, point, patches in sides)
-                if all(norms(both[0] - other[0]) > APART * self.size for other in new):
+                if any(norms(np.subtract(both, other)).max() <= near for other in new[:first]):
+                    continue
+                if all(norms(both[0] - other[0]) > APART * self.size for other in new[first:]):
                     new.append(both)
         if not new:
             return False
-        known, near = list(zip(*self.points, strict=True)), DEFAULT.tie * self.size
+        known = list(zip(*self.points, strict=True))
         fresh = [all(norms(np.subtract(both, pair)).max() > near for pair in known) for both in new]
         self.points = [np.vstack([own, *each]) for own, each in zip(self.points, zip(*new, strict=True), strict=True)]
         self.bodies = self._exact()
