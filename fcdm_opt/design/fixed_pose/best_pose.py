@@ -337,9 +337,7 @@ class _Best(NamedTuple):
     fitted: bool
 
 
-def _best(
-    worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool
-) -> _Best:
+def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool) -> _Best:
     """Return the best pose for a worst gap, inside its window where there is one."""
     problem, effort = worst.problem, effort if worst.scene.covers else 0
     slack = problem.contact_slack
