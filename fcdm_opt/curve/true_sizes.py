@@ -151,7 +151,9 @@ class TrueContact(NamedTuple):
             points[k] = ends_of_line(found[k], faces, scales, pose).mean(axis=0)
         for k, own in zip(straight, patches(straight), strict=True):
             at[k] = own
-        return [cls(near.gap, x, near.normal, own) for near, x, own in zip(found, points, at, strict=True)]
+        return [
+            cls(near.gap, x, near.normal, (one, two)) for near, x, (one, two) in zip(found, points, at, strict=True)
+        ]
 
 
 def _may_be_straight(points: Array, met: Sequence[Sequence[int]], faces: Sequence[TrueFaces], pose: Array) -> bool:
