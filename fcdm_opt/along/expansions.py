@@ -31,12 +31,12 @@ class Expansion:
     @classmethod
     def variable(cls, x: Any, span: Any) -> Expansion:
         """Return that of x itself."""
-        return cls(x, 1.0, 0.0, abs(x), span)
+        return cls(x, 1.0, 0.0, np.fabs(x), span)
 
     @classmethod
     def constant(cls, value: Any, span: Any) -> Expansion:
         """Return that of a number, or a symbol, that does not change."""
-        return cls(value, 0.0, 0.0, abs(value), span)
+        return cls(value, 0.0, 0.0, np.fabs(value), span)
 
     @property
     def fields(self) -> tuple[Any, Any, Any, Any]:
@@ -49,7 +49,7 @@ class Expansion:
     def __add__(self, other: Any) -> Expansion:
         y = self._other(other)
         value = self.value + y.value
-        terms = self.terms + y.terms + abs(value)
+        terms = self.terms + y.terms + np.fabs(value)
         return Expansion(value, self.slope + y.slope, self.bend + y.bend, terms, self.span)
 
     __radd__ = __add__
@@ -65,7 +65,7 @@ class Expansion:
 
     def _most(self) -> tuple[Any, Any, Any]:
         """Return |f|, and bounds of |f| and |f'| on the span."""
-        size, rate = abs(self.value), abs(self.slope)
+        size, rate = np.fabs(self.value), np.fabs(self.slope)
         return size, size + self.span * (rate + 0.5 * self.span * self.bend), rate + self.span * self.bend
 
     def __mul__(self, other: Any) -> Expansion:
@@ -87,7 +87,7 @@ class Expansion:
     def _composed(self, value: Any, slope: Any, steepest: Any, bend: Any) -> Expansion:
         """Return a function of f with given value and slope at f(x0), and bounds of its derivatives on the span."""
         rate = self._most()[2]
-        terms = abs(value) + abs(slope) * self.terms
+        terms = np.fabs(value) + np.fabs(slope) * self.terms
         return Expansion(value, slope * self.slope, steepest * self.bend + bend * rate * rate, terms, self.span)
 
     def _inverse_least(self) -> Any:
@@ -121,7 +121,7 @@ class Expansion:
 
     def exp(self) -> Expansion:
         """Return the exponential."""
-        value, most = self.value.exp(), (self.value + self._most()[1] - abs(self.value)).exp()
+        value, most = self.value.exp(), (self.value + self._most()[1] - np.fabs(self.value)).exp()
         return self._composed(value, value, most, most)
 
     def atan(self) -> Expansion:

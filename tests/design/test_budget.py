@@ -23,6 +23,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.primitives import Box, Cylinder, cut
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.motion.motions import Rotation, Translation
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.solver import solve
@@ -314,6 +315,36 @@ def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: flo
         f"{corner} ({found.corner}): up to {tau:.6g} mm ({word}: foot -{tau:.6g} to +{tau:.6g}, top +0 to "
     )
     assert found.to_dict()["sizes"] == ["foot", "top"]
+
+
+@pytest.mark.parametrize("as_assembly", [False, True])
+def test_two_contacts_are_farthest_off_at_a_corner_that_least_and_largest_gaps_at_rest_missed(
+    as_assembly: bool,
+) -> None:
+    """A cube on a table at a wall: both its faces are short by up to tau, the wall's off by as much: 2 tau, and tau."""
+    cube = box((0, 0, 0), (2, 2, 2), "cube")
+    walls = [box((-3, -3, -1), (3, 3, 0), "x").vertices, box((-1, -3, 0), (0, 3, 3), "x").vertices]
+    corner = Body.from_parts(walls, name="corner")
+    inner = [
+        f"F{k + 1}" for k, (n, x) in enumerate(zip(*corner.face_planes, strict=True)) if n[0] > 0.9 and abs(x[0]) < 1e-9
+    ]
+    movable, static = ("cube", "corner") if as_assembly else ("movable", "static")
+    sizes = [
+        Size("cube", movable, faces=["-x", "-z"], each=[1.0, 1.0], tolerance=(-0.05, 0.0)),
+        Size("wall", static, faces=inner, tolerance=0.05),
+    ]
+    if as_assembly:
+        scene: Any = Assembly(
+            {"cube": cube, "corner": corner}, [("cube", "corner")], sizes=sizes,
+            motions={"cube": Translation("x") >> Translation("z")},
+        )  # fmt: skip
+    else:
+        scene = Problem(cube, corner, sizes=sizes, motion=Translation("x") >> Translation("z"), contacts="all")
+    found = budget(scene, 0.05)
+    tau = 0.05 / np.sqrt(5.0)
+    assert list(found) == ["corners"]
+    assert found["corners"].tolerance == pytest.approx(tau, rel=1e-5)
+    assert f"at cube {-tau:+.4g}"[:-1] in str(found)
 
 
 def bush() -> Problem:

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -34,27 +35,28 @@ from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import mismatched, verdict
-from fcdm_opt.problem.keys import Corner, Requirement
+from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
+SizeCorner = Literal["worst", "loosest", "low", "high", "corners"]
 LARGEST = 0.2  # tolerance up to which is looked, unless asked otherwise: sizes 20 % off are no longer a tolerance
 WIDENED = 4.0  # times the tolerances of sizes up to which is looked, and as far as all faces stay: this share of it
 STAYS = 0.999
-CORNERS: tuple[Corner, ...] = ("worst", "loosest", "low", "high")  # of a box of sizes
+CORNERS: tuple[SizeCorner, ...] = ("worst", "loosest", "low", "high", "corners")  # of a box of sizes
 OF = {
     "worst": "the sizes with the least gap at rest",
     "loosest": "the sizes with the largest gap at rest",
     "low": "all sizes at their least",
     "high": "all sizes at their largest",
+    "corners": "each size at either end, in every combination",
 }
-NO_GUARANTEE = (
-    "each line is of its own corner alone, at which all sizes are off at once; {}, and sizes that are at no corner may "
-    "need more, or have no motion (see map)"
-)
+FEW, MANY = 4, 8  # sizes: the combinations that are looked at where none are asked for, and at most
+OWN_CORNER = "each line is of its own corner alone, at which all sizes are off at once; {}, and "
+NO_GUARANTEE = "{}sizes that are at no corner may need more, or have no motion (see map)"
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
@@ -90,9 +92,9 @@ class Budget(Plain):
         "points", "proved", "end_proved", "reason", "spacing", "permanent",
     )  # fmt: skip
 
-    # a letter; of sizes by name the corner of their box: "worst", "loosest", "low" or "high"; of the scales of an
-    # assembly's parts "made" (which way they are off), "larger" or "smaller". `corner` tells which sizes: "worst" is
-    # that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps at once
+    # a letter; of sizes by name the corner of their box: "worst", "loosest", "low", "high" or all "corners"; of the
+    # scales of an assembly's parts "made" (which way they are off), "larger" or "smaller". `corner` tells which sizes:
+    # "worst" is that of the gap at rest, and no guarantee for all sizes where a motion is to make good for two gaps
     requirement: str
     # all tolerances up to this one can be made good; 0 where none can, or none is known (`end` tells): parts as drawn
     # may be good all the same, see `bracket`. Of sizes the largest deviation of a length (of a scale, where there are
@@ -157,9 +159,13 @@ class Budget(Plain):
 
     @property
     def advice(self) -> str:
-        """What ends it, in words, with the widths where the parts do not go together."""
-        why = "" if self.above is None or self.above.usable else verdict(self.above.question)
-        return f"{self.end.value}: {why}" if why else self.end.value
+        """What ends it, in words: of all corners at which, with the widths where the parts do not go together."""
+        if self.above is None:
+            return self.end.value
+        why = "" if self.above.usable else verdict(self.above.question)
+        made = self.above.question.made.items() if self.requirement == "corners" else ()
+        at = ", ".join(f"{name} {x + 0.0:+.6g}" for name, x in made)
+        return f"{self.end.value}{f' at {at}' * bool(at)}{f': {why}' * bool(why)}"
 
     @property
     def closed_text(self) -> str:
@@ -227,7 +233,8 @@ class Budgets(Mapping[str, Budget]):
         if not any(one.corner and len(one.sizes) > 1 for one in self.each.values()):
             return ""
         least = min(self.each.values(), key=lambda one: one.tolerance)
-        return NO_GUARANTEE.format(f"all of them are good up to {least.tolerance_text()} together")
+        own = OWN_CORNER.format(f"all of them are good up to {least.tolerance_text()} together")
+        return NO_GUARANTEE.format("" if "corners" in self.each else own)
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""
@@ -244,7 +251,11 @@ def budget(
     problem: Scene,
     limit: float | None,
     *,
-    requirements: Literal["all"] | Sequence[Requirement | Corner | Deviations] | Corner | Deviations | None = None,
+    requirements: Literal["all"]
+    | Sequence[Requirement | SizeCorner | Deviations]
+    | SizeCorner
+    | Deviations
+    | None = None,
     largest: float | None = None,
     accuracy: float = DEFAULT.nominal,
     scale: bool = True,
@@ -262,8 +273,10 @@ def budget(
         Largest amount, length units; None: the problem's own limits and keep-outs decide alone.
     requirements : "all", or sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
-        "low" and "high" (all at their least, their largest); default "worst" and "loosest", or, of surfaces and of
-        scales that turn faces, whose least gap is not known beforehand, and of assemblies "low" and "high". Of the
+        "low" and "high" (all at their least, their largest), "corners" (each at either end, in every combination, of
+        up to 8 sizes); default "worst" and "loosest", of surfaces and of scales that turn faces, whose least gap is
+        not known beforehand, and of assemblies "low" and "high", and of two to four sizes where more than one contact
+        is to be restored "corners". Of the
         scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
         default "made", of parts as drawn the two others.
     largest : float, optional
@@ -292,7 +305,10 @@ def budget(
     known: tuple[str, ...] = CORNERS if own else tuple(SIGNS)
     if own:
         shape, most, usual = _shape_of_sizes(problem, scale)
-        known = usual if isinstance(problem, Assembly) else known
+        known = CORNERS[2:] if isinstance(problem, Assembly) else known
+        known = known if len(shape) <= MANY else tuple(name for name in known if name != "corners")
+        if 1 < len(shape) <= FEW and (not isinstance(problem, Problem) or problem.goal in ("at", "seat")):
+            usual = CORNERS[-1:]
     elif isinstance(problem, Assembly):
         shape, most, known = _deviations(problem, scale), LARGEST, OF_SCALES
         usual = OF_SCALES[:1] if problem.deviates else OF_SCALES[1:]
@@ -336,15 +352,15 @@ def _shape_of_sizes(problem: Scene, scale: bool) -> tuple[Array, float, tuple[st
     if not unit > 0.0:
         raise InputError("all sizes are as drawn", key="sizes.tolerance", found=box.tolist(), allowed="tolerances > 0")
     shape, most = box / unit if scale else np.tile([-1.0, 1.0], (len(box), 1)), WIDENED * unit
-    usual: tuple[str, ...] = CORNERS[2:] if isinstance(problem, Assembly) else CORNERS[:2]
+    usual: tuple[str, ...] = CORNERS[2:4] if isinstance(problem, Assembly) else CORNERS[:2]
     for role, body in problem.drawn.items():
         rows = [k for k, size in enumerate(problem.sizes) if size.body == role]
         if body.is_surface and rows:
-            usual = CORNERS[2:]
+            usual = CORNERS[2:4]
         elif rows:
             moving = Resizing.of(body, [problem.sizes[k] for k in rows])
             most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
-            usual = CORNERS[2:] if moving.inclined() else usual
+            usual = CORNERS[2:4] if moving.inclined() else usual
     return shape, most, usual
 
 
@@ -391,7 +407,7 @@ class _Tolerances:
     largest: float
     accuracy: float
     points: dict[float, _Point] = field(default_factory=dict)
-    questions: dict[float, Scene] = field(default_factory=dict)  # the last one
+    questions: dict[float, list[Scene]] = field(default_factory=dict)  # those of the last one
     hurried: float = np.inf  # from here on changes were not looked into
 
     def at(self, tau: float) -> _Point:
@@ -400,15 +416,21 @@ class _Tolerances:
             pacing.at(
                 f"looking for the largest tolerance, {self.letter}", min(len(self.points), self.cells), self.cells
             )
-            solution = solve(self.question(tau), effort="quick")
-            good = solution.usable and (self.limit is None or solution.amount <= self.limit * (1.0 + DEFAULT.cut))
-            self.points[tau] = _Point(tau, good, solution)
+            most = np.inf if self.limit is None else self.limit * (1.0 + DEFAULT.cut)
+            for question in self.asked_at(tau):
+                solution = solve(question, effort="quick")
+                point = _Point(tau, solution.usable and solution.amount <= most, solution)
+                known = self.points.setdefault(tau, point)
+                if not point.good or point.amount > known.amount:
+                    self.points[tau] = point
+                if not point.good:
+                    break
         return self.points[tau]
 
     @cached_property
     def widest(self) -> Scene:
         """The question at the largest tolerance: parts that can follow sizes there can follow smaller ones."""
-        return self.asked(self.largest)
+        return self.asked(self.largest, self.made(self.largest)[0])
 
     @cached_property
     def touching(self) -> TouchingSizes | None:
@@ -424,13 +446,16 @@ class _Tolerances:
         ends = map(tuple, (tau * self.shape).tolist())
         return [replace(size, tolerance=own) for size, own in zip(self.problem.sizes, ends, strict=True)]
 
-    def made(self, tau: float) -> Any:
-        """Return what is made at a tolerance: of two parts the deviations of sizes, of assemblies the corner's name."""
-        if isinstance(self.problem, Assembly):
-            return self.letter
+    def made(self, tau: float) -> list[Any]:
+        """Return what is made at a tolerance, at one corner or at all: deviations of sizes, or the corner's name."""
+        if self.letter == "corners":
+            ends = product(*map(sorted, map(set, (tau * self.shape).tolist())))
+            return [dict(zip(self.names, made, strict=True)) for made in ends]
+        if not self.names or isinstance(self.problem, Assembly):
+            return [self.letter]
         sizes, (one, two) = self.sizes(tau), (self.problem.request[role] for role in ROLES)
         known = self.touching and replace(self.touching, sizes=tuple(sizes))
-        return made_at(one, two, sizes, self.letter, known)
+        return [made_at(one, two, sizes, self.letter, known)]
 
     @cached_property
     def crossing(self) -> tuple[float, ...]:
@@ -441,7 +466,7 @@ class _Tolerances:
         slack, ends = 2.0 * self.problem.contact_slack, (self.smallest, self.largest)
 
         def above(tau: float) -> float:
-            return float(known.gap([*self.made(tau).values()])) - self.problem.clearance
+            return float(known.gap([*self.made(tau)[0].values()])) - self.problem.clearance
 
         sign = 1.0 if above(ends[0]) > 0.0 else -1.0
         if not (sign * above(ends[0]) > slack and sign * above(ends[1]) < -slack):
@@ -480,22 +505,23 @@ class _Tolerances:
         lengths = any(size.is_length for size in self.problem.sizes) and by_name(self.problem)
         return SMALLEST * (self.problem.size if lengths else 1.0)
 
-    def asked(self, tau: float) -> Scene:
-        """Return the question at a tolerance, of sizes with these tolerances."""
+    def asked(self, tau: float, made: Any) -> Scene:
+        """Return a question at a tolerance, of sizes with these tolerances."""
         table = tuple(map(tuple, (tau * self.shape).tolist()))
         if by_name(self.problem):
-            return self.problem.changed(sizes=self.sizes(tau), made=self.made(tau))
+            return self.problem.changed(sizes=self.sizes(tau), made=made)
         if isinstance(self.problem, Assembly):
             scales = (1.0 + tau * self.shape[:, 0]).tolist()
             return self.problem.changed(scales=dict(zip(self.problem.parts, scales, strict=True)))
         goal = self.problem.goal
         return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
 
-    def question(self, tau: float) -> Scene:
-        """Return the question at a tolerance; of sizes of two parts by what is made: none is cut anew."""
+    def asked_at(self, tau: float) -> list[Scene]:
+        """Return the questions at a tolerance; of sizes of two parts by what is made: none is cut anew."""
         if tau not in self.questions:
             named = by_name(self.problem) and isinstance(self.problem, Problem)
-            self.questions = {tau: self.widest.changed(made=self.made(tau)) if named else self.asked(tau)}
+            every = [self.widest.changed(made=made) if named else self.asked(tau, made) for made in self.made(tau)]
+            self.questions = {tau: every}
         return self.questions[tau]
 
     def budget(self) -> Budget:
@@ -513,7 +539,7 @@ class _Tolerances:
         if lie is not Order.ANY:
             low, high = self._nested(lie)
             if low is not None:  # the corner of a box of sizes may be another one there
-                lie, why = order(self.asked(low.tau), self.letter)
+                lie, why = order(self.asked(low.tau, self.made(low.tau)[0]), self.letter)
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
             low, high = self._scanned()
@@ -637,6 +663,6 @@ class _Tolerances:
     def _may_be_good(self, tau: float) -> bool:
         """Tell whether a tolerance is good: parts that do not go together need no search for a shift."""
         asked = tau not in self.points and self.problem.shifts
-        if asked and any(map(too_wide, self.question(tau).relations.values())):
+        if asked and any(map(too_wide, (each for asked in self.asked_at(tau) for each in asked.relations.values()))):
             return False
         return self.at(tau).good
