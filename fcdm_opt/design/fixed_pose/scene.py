@@ -311,11 +311,11 @@ class OwnSizes(SizedBodies):
             return super().closed_at_each(poses)
         offsets = transforms[:, :3, 3] - transforms[0, :3, 3]
         spread = np.linalg.svd(offsets)
-        ways = spread[2][: int((spread[1] > DEFAULT.nominal * self.size).sum())]
-        ranges = np.column_stack([own(offsets @ ways.T, axis=0) for own in (np.min, np.max)])
+        directions = spread[2][: int((spread[1] > DEFAULT.nominal * self.size).sum())]
+        ranges = np.column_stack([own(offsets @ directions.T, axis=0) for own in (np.min, np.max)])
         at = TouchingSizes.of(self.movable, self.static, self.own, transform=transforms[0], least=False,
-                              permanent=False, without=self.apart, shifts=(ways, ranges))  # fmt: skip
-        middle = np.append(self.sizes.middle, np.zeros(len(ways)))
+                              permanent=False, without=self.apart, shifts=(directions, ranges))  # fmt: skip
+        middle = np.append(self.sizes.middle, np.zeros(len(directions)))
         rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
         return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}
 
