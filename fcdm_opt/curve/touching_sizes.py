@@ -78,7 +78,7 @@ class TouchingSizes:
     # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
     between: float = (
-        0.0  # by how much gaps may be less between two directions that have rows, see `TrueSizes.all_around`
+        0.0  # by how much gaps of true faces may be less, as between two directions of `TrueSizes.all_around`
     )
     as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
 
@@ -237,13 +237,16 @@ class TouchingSizes:
 
     def shifted(self, q: Array) -> TouchingSizes:
         """Return them with the movable body shifted by q, (s,), along its ways; other rows than the nearest go."""
-        count, box, pairs = len(self.sizes), self.box[: len(self.sizes)], []
-        for pair in self.pairs:
-            values = pair.values[:, : 1 + count].copy()
-            values[:, 0] += pair.values[:, 1 + count :] @ q
-            lows, highs = _ends(values, box)
-            pairs.append(pair._replace(values=values).some(np.flatnonzero(highs >= lows.max())))
-        return replace(self, pairs=tuple(_nearest(pairs, box)), ranges=np.empty((0, 2)))
+        count, (rows, starts) = len(self.sizes), self.stacked
+        values = rows[:, : 1 + count].copy()
+        values[:, 0] += rows[:, 1 + count :] @ q
+        lows, highs = _ends(values, self.box[:count])
+        tops, ends = np.maximum.reduceat(lows, starts), np.append(starts, len(rows))
+        pairs = list[PairRows]()
+        for k in np.flatnonzero(tops <= np.maximum.reduceat(highs, starts).min()).tolist():
+            own = slice(ends[k], ends[k + 1])
+            pairs.append(self.pairs[k]._replace(values=values[own]).some(np.flatnonzero(highs[own] >= tops[k])))
+        return replace(self, pairs=tuple(pairs), ranges=np.empty((0, 2)))
 
     def feature(self, own: PairRows, row: int) -> Feature:
         """Return the contact feature of a row, with the bodies' own labels; of a cut between parts with its corners."""

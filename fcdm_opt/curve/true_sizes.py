@@ -40,7 +40,7 @@ SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
-APART = 0.05  # of the size: nearer points of a time are one
+APART = 0.05  # of the size: nearer points at the same sizes are one
 ROLES = "movable", "static"
 
 
@@ -66,10 +66,9 @@ def touching_true_faces(
         refined = at_all.refined(pose, asked)
         if not turn and every_row and (others := at_all.shifted(ends[0][0])):
             continue  # with rows all around round faces that touch there
-        if not refined:
-            pairs = _without_hidden(found.pairs, found.box)
-            faces = frozenset(at_all.permanent)
-            return replace(found, pairs=pairs, permanent_faces=faces, between=at_all.between)
+        if not refined or turn == ROUNDS - 1:
+            pairs, off = _without_hidden(found.pairs, found.box), max(at_all.between, refined * at_all.short)
+            return replace(found, pairs=pairs, permanent_faces=frozenset(at_all.permanent), between=off)
         near = zip([place for place, _ in asked], at_all.deepest, strict=True)
         others = [place for place, own in near if own is not None and (every_row or turn)]
     return TouchingSizes.of(one, two, sizes, transform=transform, **how)
@@ -135,13 +134,38 @@ class TrueContact(NamedTuple):
         return frozenset(product(*self.patches))
 
     @classmethod
-    def of(
-        cls, near: NearestPoints, faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
-    ) -> TrueContact:
-        """Return it of points that come nearest; where they do along a straight line the middle of it."""
-        points = ends_of_line(near, faces, scales, pose).mean(axis=0)
-        at = (tuple(own.at(x, DIGITS * own.body.rounding)) for own, x in zip(faces, points, strict=True))
-        return cls(near.gap, points, near.normal, (next(at), next(at)))
+    def each(
+        cls, found: Sequence[NearestPoints], faces: Sequence[TrueFaces], scales: Sequence[float] | Array, pose: Array
+    ) -> list[TrueContact]:
+        """Return those of points that come nearest; where they do along a straight line of the middle of it."""
+        points = np.array([own.points for own in found]).reshape(-1, 2, 3)
+
+        def patches(rows: Sequence[int]) -> list[tuple[tuple[int, ...], ...]]:
+            both = zip(faces, points[rows].swapaxes(0, 1), strict=True)
+            met = (own.at_each(x, DIGITS * own.body.rounding) for own, x in both)
+            return [tuple(map(tuple, own)) for own in zip(*met, strict=True)]
+
+        at = patches(range(len(found)))
+        straight = [k for k, own in enumerate(at) if _may_be_straight(found[k].points, own, faces, pose)]
+        for k in straight:
+            points[k] = ends_of_line(found[k], faces, scales, pose).mean(axis=0)
+        for k, own in zip(straight, patches(straight), strict=True):
+            at[k] = own
+        return [
+            cls(near.gap, x, near.normal, (one, two)) for near, x, (one, two) in zip(found, points, at, strict=True)
+        ]
+
+
+def _may_be_straight(points: Array, met: Sequence[Sequence[int]], faces: Sequence[TrueFaces], pose: Array) -> bool:
+    """Tell whether two faces that meet at a contact face each other there, and are not both plane."""
+    one, two = (
+        [(own.patches[k].surface.flat, own.patches[k].gaps(x[None])[1][0]) for k in numbers]
+        for own, x, numbers in zip(faces, points, met, strict=True)
+    )
+    opposite = DEFAULT.nominal
+    return any(
+        not (flat and other) and (pose[:3, :3] @ n) @ m < -opposite for (flat, n), (other, m) in product(one, two)
+    )
 
 
 def ends_of_line(
@@ -189,7 +213,7 @@ def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) 
     for near in nearest_on_faces(faces, scales, np.eye(4), band):
         if near.gap > slack:
             break
-        contact = TrueContact.of(near, faces, scales, np.eye(4))
+        contact = TrueContact.each([near], faces, scales, np.eye(4))[0]
         alike = (
             other.pairs == contact.pairs and other.normal @ contact.normal > 1.0 - DEFAULT.nominal for other in found
         )
@@ -390,7 +414,7 @@ class TrueSizes:
         self.between = max(self.between, share * float(np.linalg.norm(moved, axis=0).sum()))
         for shares in directions:
             n = shares @ frame
-            if all(own.faces.has_point(k, x) for own, k, x in zip(self.faces, met, feet(n), strict=True)):
+            if all(own.faces.has_points(k, x[None])[0] for own, k, x in zip(self.faces, met, feet(n), strict=True)):
                 added.append((middle + shares @ odd, n))
         return added
 
@@ -418,20 +442,22 @@ class TrueSizes:
 
     def refined(self, pose: Array, claimed: Sequence[tuple[Array, float]]) -> bool:
         """Make the bodies exact where they are nearer than is claimed of sizes, (k,); tell whether any were."""
-        slack, new = DEFAULT.planarity * self.size, list[tuple[Array, ...]]()
+        slack, near, new = DEFAULT.planarity * self.size, DEFAULT.tie * self.size, list[tuple[Array, ...]]()
         self.asked, self.deepest = list(claimed), []
         for place, gap in claimed:
             found = self.nearest(pose, place, gap)
             self.deepest.append((found[0].gap, found[0].normal) if found else None)
-            nearest = _off_edges([own for own in found if own.gap < gap - slack], slack)
+            nearest, first = _off_edges([own for own in found if own.gap < gap - slack], slack), len(new)
             for own in (*nearest[:SEVERAL], *_of_each_faces(nearest)):
                 sides = zip(self.faces, own.points, own.patches, strict=True)
                 both = tuple(body.drawn(point, patches, place) for body, point, patches in sides)
-                if all(norms(both[0] - other[0]) > APART * self.size for other in new):
+                if any(norms(np.subtract(both, other)).max() <= near for other in new[:first]):
+                    continue
+                if all(norms(both[0] - other[0]) > APART * self.size for other in new[first:]):
                     new.append(both)
         if not new:
             return False
-        known, near = list(zip(*self.points, strict=True)), DEFAULT.tie * self.size
+        known = list(zip(*self.points, strict=True))
         fresh = [all(norms(np.subtract(both, pair)).max() > near for pair in known) for both in new]
         self.points = [np.vstack([own, *each]) for own, each in zip(self.points, zip(*new, strict=True), strict=True)]
         self.bodies = self._exact()
@@ -443,16 +469,14 @@ class TrueSizes:
         pose = np.vstack([pose[:3] + np.column_stack([np.zeros((3, 3)), place @ self.carried]), pose[3:]])
         below = 2.0 * self.largest_move  # by how much the gap there may be less than at other sizes
         band = abs(gap) + below + sum(sum(deviation_of(own)) for own in self.facets) + DEFAULT.snap * self.size
-        found = list[TrueContact]()
-        for own in nearest_on_faces(made, scales, pose, band):
-            if own.gap >= gap:
-                break
-            contact = TrueContact.of(own, made, scales, pose)
+        found, at_rest = list[TrueContact](), not self.of_rest or bool((pose == np.eye(4)).all())
+        near = [own for own in nearest_on_faces(made, scales, pose, band) if own.gap < gap]
+        for contact in TrueContact.each(near, made, scales, pose):
             known = contact.pairs <= self.permanent
             if not contact.pairs or (known and not self.of_rest):  # of no face that is known, or left out
                 continue
-            stands = self._stands(made, contact, pose, place)
-            if stands and (not self.of_rest or (pose == np.eye(4)).all()):
+            stands = (known or at_rest) and self._stands(made, contact, pose, place)
+            if stands and at_rest:
                 self.permanent |= self._facing(made, contact, pose)
             elif not (stands and known):
                 found.append(contact)
@@ -488,7 +512,7 @@ class TrueSizes:
 def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[list[int], Array]:
     """Return rows of the body's faces that stand for patches at a point, and the normals of these there, (k, 3)."""
     normals = [faces.patches[k].gaps(point[None])[1][0] for k in patches]
-    return [faces.row_at(k, point) for k in patches], np.array(normals).reshape(-1, 3)
+    return faces.first_rows[[*patches]].tolist(), np.array(normals).reshape(-1, 3)  # all rows of a face move alike
 
 
 def _directions(moved: Array, near: float) -> tuple[Array, float]:
@@ -566,7 +590,7 @@ class SizedFaces:
         lengths, shifts, rings = (own @ values / scale for own in moves)
         patches = list[Patch]()
         for k, own in enumerate(self.faces.patches):
-            row = int(self.faces.rows[np.flatnonzero(self.faces.owners == k)[0]])
+            row = int(self.faces.first_rows[k])
             if self.faces.is_round[k]:
                 surface = own.surface.offset(own.side * float(lengths[row]), shifts[row], float(rings[row]))
             else:

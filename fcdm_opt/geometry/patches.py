@@ -81,6 +81,7 @@ class TrueFaces:
     owners: Ints  # the patch of each, (t,)
     rows: Ints  # the row of `Body.faces` of each, (t,)
     is_round: Flags  # of each patch, (p,)
+    first_rows: Ints  # the first of the rows of `Body.faces` that each patch stands for, (p,)
     edges: Array  # ends of the convex edges between two patches, (m, 2, 3)
     edge_patches: Ints  # these patches, (m, 2)
     tips: Array  # corners, in which edges of several kinds meet, (v, 3)
@@ -91,6 +92,8 @@ class TrueFaces:
         rounds, normals = round_surfaces(body), unit_normals(self.corners)
         surfaces, self.owners = surfaces_of_triangles(self.corners, self.rows, rounds)
         self.is_round = np.arange(len(surfaces)) < len(rounds)
+        self._triangles = [np.flatnonzero(self.owners == k) for k in range(len(surfaces))]
+        self.first_rows = np.array([self.rows[own].min() for own in self._triangles])
         patches = list[Patch]()
         for k, surface in enumerate(surfaces):
             own = self.owners == k
@@ -151,14 +154,13 @@ class TrueFaces:
             found[own] = norms(cross(one, two)) < DEFAULT.sharp
         return found
 
-    def _distances(self, k: int, point: Array) -> tuple[Array, Ints]:
-        """Return how far the triangles of a patch are from a point, and their numbers."""
-        own = np.flatnonzero(self.owners == k)
-        return distances(point[None], self.corners[own])[:, 0], own
+    def _distances(self, k: int, points: Array) -> Array:
+        """Return how far the triangles of a patch are from points, (n, 3), (t, n)."""
+        return distances(points, self.corners[self._triangles[k]])
 
     def face_of(self, k: int) -> Element:
         """Return the first face of the body that stands for a patch."""
-        return Element("F", self.body.faces[int(self.rows[self.owners == k].min())])
+        return Element("F", self.body.faces[int(self.first_rows[k])])
 
     def element_at(self, patches: Sequence[int], point: Array) -> Element:
         """Return the face of the body that stands for a patch; where several meet the edge or vertex nearest there."""
@@ -169,13 +171,14 @@ class TrueFaces:
         every = self.body.vertices
         return Element("VE"[len(ends) - 1], tuple(sorted(int(norms(every - x).argmin()) + 1 for x in ends)))
 
-    def has_point(self, k: int, point: Array) -> bool:
-        """Tell whether a point of a surface is on the patch, its edge counted: as far as triangles leave it."""
-        return bool(self._distances(k, point)[0].min() <= DEFAULT.nominal * self.body.size + self._off_triangles)
+    def has_points(self, k: int, points: Array) -> Flags:
+        """Tell which points of a surface, (n, 3), are on the patch, its edge counted: as far as triangles leave it."""
+        near = DEFAULT.nominal * self.body.size + self._off_triangles
+        return np.asarray(self._distances(k, points).min(axis=0) <= near)
 
     @cached_property
     def _boxes(self) -> Array:
-        """The ends of a box about each patch, (2, patches, 3), in which `has_point` finds points."""
+        """The ends of a box about each patch, (2, patches, 3), in which `has_points` finds points."""
         ends = np.full((2, len(self.patches), 3), [[[np.inf]], [[-np.inf]]])
         np.minimum.at(ends[0], self.owners, self.corners.min(axis=1))
         np.maximum.at(ends[1], self.owners, self.corners.max(axis=1))
@@ -215,11 +218,21 @@ class TrueFaces:
 
     def at(self, point: Array, near: float = 0.0) -> list[int]:
         """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
-        near = max(DEFAULT.tie * self.body.size, near)
-        low, high = self._boxes
-        around = np.flatnonzero(((low - near <= point) & (point <= high + near)).all(axis=1)).tolist()
-        rows = [k for k in around if abs(self.patches[k].gaps(point[None])[0][0]) <= near]
-        return [k for k in rows if self.has_point(k, point)]
+        return self.at_each(point[None], near)[0]
+
+    def at_each(self, points: Array, near: float = 0.0) -> list[list[int]]:
+        """Return those of each of several points, (n, 3)."""
+        near, (low, high) = max(DEFAULT.tie * self.body.size, near), self._boxes
+        around, found = (
+            (low - near <= points[:, None]) & (points[:, None] <= high + near),
+            [list[int]() for _ in points],
+        )
+        for k, (patch, within) in enumerate(zip(self.patches, around.all(axis=2).T, strict=True)):
+            rows = np.flatnonzero(within)
+            rows = rows[np.abs(patch.gaps(points[rows])[0]) <= near] if len(rows) else rows
+            for row in rows[self.has_points(k, points[rows])].tolist() if len(rows) else ():
+                found[row].append(k)
+        return found
 
     def is_symmetric_about(self, point: Array, axis: Array) -> bool:
         """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
@@ -257,12 +270,11 @@ class TrueFaces:
 
     def row_at(self, k: int, point: Array) -> int:
         """Return the row of the body's face that stands for a patch at a point."""
-        off, own = self._distances(k, point)
-        return int(self.rows[own[off.argmin()]])
+        return int(self.rows[self._triangles[k][self._distances(k, point[None]).argmin()]])
 
     def off_facets(self, k: int, point: Array) -> float:
         """Return how far a point is from the facets of a patch."""
-        return float(self._distances(k, point)[0].min())
+        return float(self._distances(k, point[None]).min())
 
     def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""

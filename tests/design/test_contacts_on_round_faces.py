@@ -46,6 +46,8 @@ def agree(assembly, contact):
     assert [stack.worst().least, stack.worst().largest] == pytest.approx([-0.05, 0.05], abs=slack)
     assert [row.told for row in stack.rows] == [contact] == [*pose.contacts]
     assert pose.value == pytest.approx(0.05, abs=slack)
+    assert pose.on_true_faces
+    assert fo.clearances(assembly).on_true_faces
     assert fo.verify(stack)
     assert fo.verify(pose)
 

@@ -15,10 +15,13 @@ from solids import box
 from strategies import random_pose
 
 import fcdm_opt as fo
+from fcdm_opt.curve import true_sizes
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.distributions import Measured, Normal, Uniform
+from fcdm_opt.design.fixed_pose import best_pose as module
 from fcdm_opt.design.fixed_pose import gaps as kernels
+from fcdm_opt.design.fixed_pose import scene
 from fcdm_opt.design.fixed_pose.best_pose import best_pose
 from fcdm_opt.design.fixed_pose.clearances import clearances
 from fcdm_opt.design.fixed_pose.local_search import Found, least_moved
@@ -570,3 +573,45 @@ def test_a_hole_that_sizes_make_nearer_than_a_wall_of_none_was_not_looked_at() -
     assert pose.passed
     assert abs(pose.parameters["TX"]) == pytest.approx(0.05, abs=1e-7)
     assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.02, 0.02), abs=1e-7)
+
+
+def _spigot() -> fo.Problem:
+    """A spigot of radius 5 in a bore of 5.5, which is off by .03 along x, under a flange; .01 of play at most."""
+    flange, pocket = fo.Box((20.2, 20.2, 2), centre=(0, 0, 1)), fo.Cylinder(5.5, 20, base=(0, 0, -10), facets=24)
+    lid = fo.joined(flange, fo.Cylinder(5, 4, base=(0, 0, -3), facets=24), name="lid")
+    box = fo.cut(fo.Box((20, 20, 8), centre=(0, 0, -4)), pocket, name="box")
+    sizes = [
+        fo.Size("d", "movable", faces="cylinder radius 5", each=0.5, tolerance=0.02),
+        fo.Size("x", "static", faces="bore radius 5.5", along="x", tolerance=0.03),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    return fo.Problem(lid, box, sizes=sizes, made={}, goal="clear", motion=motion)
+
+
+def test_the_best_pose_of_a_spigot_was_looked_for_in_two_dozen_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Moved by s along y gaps are from .49 - |(.03, s)| to .51 - s: as far off zero where s = .49955."""
+    rounds = list[Any]()
+    monkeypatch.setattr(module, "_best", lambda *own, of=module._best, **how: (rounds.append(own), of(*own, **how))[1])
+    found = best_pose(_spigot())
+    assert found.passed
+    assert found.on_true_faces
+    assert found.worst_gap == pytest.approx(0.01045, abs=1e-8)
+    assert abs(found.parameters["TY"]) == pytest.approx(0.49955, abs=1e-7)
+    assert len(rounds) <= 4
+
+
+def test_gaps_were_those_of_facets_where_making_points_exact_came_to_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The block `pose` prints of a pose beside the middle was of facets, the best pose of true faces."""
+    monkeypatch.setattr(true_sizes, "ROUNDS", 4)
+    monkeypatch.setattr(scene, "ROUNDS", 1)
+    own = clearances(_spigot(), pose=(0.02, 0.01))
+    assert own.on_true_faces
+    assert own.range == pytest.approx((0.49 - math.hypot(0.05, 0.01), 0.51 - 0.01), abs=1e-6)
+    pin, plate = (
+        fo.Cylinder(5, 20, base=(0, 0, -10)),
+        fo.cut(fo.Box((20, 20, 8)), fo.Cylinder(5.5, 20, base=(0, 0, -10))),
+    )
+    free = fo.Problem(pin, plate, goal="clear", target=(1, 1), motion=fo.Translation("x") >> fo.Translation("y"))
+    scaled = clearances(free, box=((0.99, 1.01), (1.0, 1.0)), pose=(0.06, 0.08))
+    assert scaled.on_true_faces
+    assert scaled.range == pytest.approx((0.35, 0.45), abs=1e-6)

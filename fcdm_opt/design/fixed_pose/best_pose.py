@@ -16,7 +16,6 @@ from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
-from fcdm_opt.design.fixed_pose.polishing import polished
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import true_extremes, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
@@ -42,9 +41,6 @@ BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 ONLY_CLEAR = "clearance=(0, math.inf)"  # how one without interference is asked for
 MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks for one without interference"
 EFFORT = 20_000  # cells: a second or two for two parameters
-NEAR = 1e-3  # of the size: where true gaps are less by more, points as they are found lead on sooner
-FAR_ROUNDS = 4  # of such, at most
-GAIN = 0.1  # share of the worst gap by which a pose that true faces led to is left for a better one near it
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
@@ -341,18 +337,11 @@ class _Best(NamedTuple):
     fitted: bool
 
 
-def _best(
-    worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool, start: Array | None = None
-) -> _Best:
-    """Return the best pose for a worst gap, inside its window where there is one; of those near rest and `start`."""
+def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed: bool) -> _Best:
+    """Return the best pose for a worst gap, inside its window where there is one."""
     problem, effort = worst.problem, effort if worst.scene.covers else 0
     slack = problem.contact_slack
     first = best = better(worst, np.zeros(len(worst.limits)))
-    if start is not None:
-        other, further = found_at(worst, start), better(worst, start)
-        if further.off.value < (1.0 - GAIN) * other.off.value:  # less is what facets are off
-            other = further
-        best = min(best, other, key=lambda own: (max(own.off.value, slack if windowed else -np.inf), own.amount))
     if fitted and best.off.value <= 0.0:
         what, limits = "no contact holds the part: nothing makes the least gap largest", worst.limits.tolist()
         raise InputError(what, key="limits", found=limits, allowed='limits, or goal "at"')
@@ -400,33 +389,25 @@ def _of_gap(
     """Return the best pose by the gap of two bodies, and their true faces where these are round.
 
     It is looked for anew while contacts that were left out are open at the pose found, and while bodies are not exact
-    where gaps are extreme there; where that comes to no end, of the bodies' facets.
+    where gaps are extreme there; where that comes to no end, the pose found last is told, with its gaps on true faces.
     """
-    true, opened, places, start = true_sizes(problem, scales), list[Array](), list[Array](), None
+    true, opened = true_sizes(problem, scales), list[Array]()
     proves = true is None or window[1] == np.inf  # within round faces gaps are larger elsewhere
     exact, effort = False, most if true is None else 0
-    for turn in range(2 * ROUNDS):
+    for _ in range(2 * ROUNDS):
         pacing.at("searching for the best pose")
         worst = Worst.of(problem, scales, *window, true)
         worst.leave_out_permanent(opened)
-        found = best(worst, effort=effort, start=start)
+        found = best(worst, effort=effort)
         q, extremes = found.found.q, found.found.off.extremes
         if scales is None and worst.opened(q):
             opened.append(q)
             continue
         pose = transforms_of(problem, q)[""]
-        exact = (
-            true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None) is not None
-        )
+        exact = true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)[1]
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
-        if exact or true is None:
-            continue
-        places += [place for place, _ in true.asked]
-        if true.short <= NEAR * problem.size or turn >= FAR_ROUNDS:
-            start, gaps = polished(worst, true, found.found, places)
-            true.refined(transforms_of(problem, start)[""], gaps)
     if exact and (true is None or (proves and most)):
         return found, true
     found = found if exact or true is None else _at_last(problem, scales, window, found, true)
@@ -443,7 +424,7 @@ def _at_last(
         worst.leave_out_permanent()
         at = found_at(worst, q)
         pose = transforms_of(problem, q)[""]
-        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None) is not None:
+        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None)[1]:
             break
     inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
     status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
@@ -483,6 +464,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         problem=problem,
         standing=worst.scene.permanent_in_words,
         permanent_parts=tuple(worst.scene.permanent),
+        permanent_faces=frozenset() if isinstance(gaps, ContactGaps) and gaps.exact else None,
     )
 
 

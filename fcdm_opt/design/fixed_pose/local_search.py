@@ -37,11 +37,11 @@ def better(worst: Worst, q: Array) -> Found:
     from scipy.optimize import linprog
 
     natural, size = worst.natural, worst.scene.size
-    here, trust = found_at(worst, q), np.inf if worst.is_program else NEAR * size
+    here, trust, far = found_at(worst, q), np.inf if worst.is_program else NEAR * size, 0.0
     for _ in range(STEPS):
         if here.off.value <= 0.0 or trust < END * size:
             break  # inside a window, or at a gap of nothing for all sizes
-        values, slopes, kept = worst.linear(here.q)
+        values, slopes, kept = worst.linear(here.q, far)
         if not here.off.clear:
             values, slopes, kept = values[kept], slopes[kept], np.zeros(kept.sum(), bool)  # off the keep-outs first
         A = np.column_stack([slopes / natural, kept - 1.0])
@@ -55,15 +55,19 @@ def better(worst: Worst, q: Array) -> Found:
             continue
         gain = (here.off.value if here.off.clear else here.off.value - FAR * size) - float(step.x[-1])
         if here.off.clear and gain <= END * size:
-            break
+            if far or worst.is_program:
+                break
+            far = trust  # the largest gap may be that of a wall beside which the part slides: until others are nearer
+            continue
         # of all motions that do as much by these slopes the least: turns, say, cost nothing but to second order
         least = least_motion(values - np.where(kept, 0.0, step.x[-1]), slopes, here.q, worst.weights, steps)
         tried = found_at(worst, here.q + step.x[:-1] / natural if least is None else least)
         gained = here.off.value - tried.off.value
         if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
-            here, trust = tried, trust * (2.0 if gained > 0.5 * gain else 1.0)
+            here, trust, far = tried, trust * (2.0 if gained > 0.5 * gain else 1.0), 0.0
         else:
             trust = min(trust, size) * 0.25
+            far = min(far, trust)
     return here
 
 

@@ -99,6 +99,14 @@ class SizedBodies:
         """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""
         raise NotImplementedError
 
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+        """Return those closed at each of some poses."""
+        found = self.closed(poses[0])
+        for pose in poses[1:]:
+            closed = self.closed(pose) if found else {}
+            found = {own: feature for own, feature in found.items() if own in closed}
+        return found
+
     @cached_property
     def counted(self) -> Flags:
         """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
@@ -109,12 +117,7 @@ class SizedBodies:
 
     def leave_out(self, poses: Iterable[Array]) -> None:
         """Do not count part pairs that are closed at all sizes at each of these poses, a flange on its plate."""
-        first, *others = poses
-        permanent = self.closed(first)
-        for pose in others:
-            closed = self.closed(pose) if permanent else {}
-            permanent = {own: feature for own, feature in permanent.items() if own in closed}
-        self.permanent = permanent
+        self.permanent = self.closed_at_each([*poses])
 
     @property
     def permanent_in_words(self) -> tuple[str, ...]:
@@ -257,14 +260,16 @@ def _no_more(values: Array) -> float:
 class OwnSizes(SizedBodies):
     """Two bodies as drawn, with their own sizes; the rows at an orientation are those of all shifts about it.
 
-    Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about.
+    Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about. With
+    `true` the bodies are exact at its points, and pins have rows all around their bores, see `TrueSizes.all_around`.
     """
 
     def __init__(
         self, movable: Body, static: Body, own: tuple[Size, ...], places: Array | None = None,
-        apart: Collection[tuple[int, int]] = (),
+        true: TrueSizes | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(movable, static, Sizes(tolerance_boxes(own)), apart)
+        super().__init__(movable, static, Sizes(tolerance_boxes(own)), () if true is None else true.apart())
+        self._true = true
         self.own, self.names, self.places = own, tuple(size.name for size in own), places
         self.reach, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
@@ -289,15 +294,28 @@ class OwnSizes(SizedBodies):
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
             without={*self.permanent, *self.apart},
         )  # fmt: skip
+        if self._true is not None:
+            found = self._true.all_around(found, transform, np.eye(3))
         self._kept = [found]
+        self._normals = np.vstack([own.normals for own in found.pairs]), np.array([own.parts for own in found.pairs])
         return found, np.zeros(3)
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return them, by their rows."""
-        transform = self._transform(pose)
-        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transform, least=False, permanent=False,
-                              without=self.apart)  # fmt: skip
-        middle = self.sizes.middle
+        return self.closed_at_each([pose])
+
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+        """Return those closed at each of some poses: of one orientation at all shifts that these span."""
+        transforms = np.array([self._transform(own) for own in poses])
+        if (transforms[:, :3, :3] != transforms[0, :3, :3]).any():
+            return super().closed_at_each(poses)
+        offsets = transforms[:, :3, 3] - transforms[0, :3, 3]
+        spread = np.linalg.svd(offsets)
+        directions = spread[2][: int((spread[1] > DEFAULT.nominal * self.size).sum())]
+        ranges = np.column_stack([own(offsets @ directions.T, axis=0) for own in (np.min, np.max)])
+        at = TouchingSizes.of(self.movable, self.static, self.own, transform=transforms[0], least=False,
+                              permanent=False, without=self.apart, shifts=(directions, ranges))  # fmt: skip
+        middle = np.append(self.sizes.middle, np.zeros(len(directions)))
         rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
         return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}
 
@@ -305,16 +323,15 @@ class OwnSizes(SizedBodies):
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""
         (touching, shift), count = self._touching(pose), len(self.own)
         values, starts = touching.stacked
-        rows = np.column_stack([
-            np.vstack([pair.normals for pair in touching.pairs]), values[:, 0] + values[:, 1 + count :] @ shift,
-            values[:, 1 : 1 + count],
-        ])  # fmt: skip
-        pairs = np.array([pair.parts for pair in touching.pairs])
+        normals, pairs = self._normals
+        rows = np.column_stack([normals, values[:, 0] + values[:, 1 + count :] @ shift, values[:, 1 : 1 + count]])
         return GapRows(rows, np.append(starts, len(rows)), pairs, pose, along=True)
 
     def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
         """Return the gaps of part pairs at a pose and sizes, (p, n); infinite of those that are far apart there."""
         at, found = self.rows(pose), np.full((len(pairs), len(sizes)), np.inf)
+        if np.array_equal(pairs, at.pairs):
+            return at.of_pairs(sizes)
         places, known = np.nonzero((pairs[:, None] == at.pairs).all(axis=2))
         found[places] = at.of_pairs(sizes)[known]
         return found
@@ -363,8 +380,8 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
 
 def true_extremes(
     true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool
-) -> Extremes | None:
-    """Return the extreme gaps at a pose as the true faces have them; None where the bodies were made exact there anew.
+) -> tuple[Extremes, bool]:
+    """Return the extreme gaps at a pose as the true faces have them, and whether the bodies had been exact there.
 
     Small pieces of a round solid lie less deep in another one than the whole of it. Where sizes shift round faces these
     may be nearer at either end of these.
@@ -372,11 +389,10 @@ def true_extremes(
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
     gaps = rows.gaps(np.array(others)).tolist() if others else []
-    if true.refined(transform, [*ends, *zip(others, gaps, strict=True)]):
-        return None
+    refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
-    return Extremes(least, most, extremes.doubt)
+    return Extremes(least, most, extremes.doubt), not refined
 
 
 class ScaleGaps(NamedTuple):
@@ -395,14 +411,15 @@ class ScaleGaps(NamedTuple):
         """Return it for bodies of facets, the movable one at a pose (4, 4), over scales between the ends of `box`."""
         sizes = Sizes(box)
         true = true_scales(movable, static, sizes)
-        for turn in range(ROUNDS + 1):
-            true = true if turn < ROUNDS else None  # it comes to no end: then of facets
+        for _ in range(ROUNDS):
             scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
             pose = scene.pose(transform)
             scene.leave_out([pose])
             rows = scene.rows(pose)
             extremes = scene.extremes(rows)
-            exact = extremes if true is None else true_extremes(true, transform, extremes, rows, own=False)
-            if exact is not None:
+            if true is None:
                 break
-        return cls(scene, rows, exact or extremes, true)
+            extremes, exact = true_extremes(true, transform, extremes, rows, own=False)
+            if exact:
+                break
+        return cls(scene, rows, extremes, true)

@@ -98,8 +98,7 @@ class Worst:
         if motion.shifts and np.isfinite(limits).all():
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
-        apart = () if true is None else true.apart()
-        scene, names = OwnSizes(movable, static, problem.sizes, places, apart), [size.name for size in problem.sizes]
+        scene, names = OwnSizes(movable, static, problem.sizes, places, true), [size.name for size in problem.sizes]
         kept = (own for own, _ in _kept_clear(problem, scene.sizes, names, own=True, places=places))
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
@@ -159,15 +158,17 @@ class Worst:
         """What makes lengths of turns: how far they move the movable body."""
         return self.problem.motion.weights(self.scene.movable.size / 2.0)
 
-    def linear(self, q: Array) -> tuple[Array, Array, Flags]:
+    def linear(self, q: Array, far: float = 0.0) -> tuple[Array, Array, Flags]:
         """Return functions of which none may exceed 0 in the window, values and slopes (f, k), and which keep clear.
 
         They are of the part pairs' gaps at the active sizes, by central differences; one-sided at a limit. The largest
-        of those that do not keep clear of keep-outs is how far the worst gap is off.
+        of those that do not keep clear of keep-outs is how far the worst gap is off; with `far`, a length, no less than
+        that: gaps are those of the pairs that so large a step may bring nearest.
         """
         pairs = self.scene.rows(self.pose(q), NEAR * self.scene.size).pairs
         centre, slopes = self.differences(lambda at: self.scene.of_pairs(self.pose(at), pairs, self.active), q)
-        owners, columns = centre.argmin(axis=0), np.arange(len(self.active))
+        lowered = centre - far * np.abs(slopes / self.natural).sum(axis=2) if far else centre
+        owners, columns = lowered.argmin(axis=0), np.arange(len(self.active))
         values = np.append(self.low - centre, centre[owners, columns] - self.high)
         return self._with_keep_outs(q, values, np.concatenate([-slopes.reshape(-1, len(q)), slopes[owners, columns]]))
 
@@ -264,10 +265,10 @@ class WorstContacts(Worst):
         """Return the rows of all contacts at parameters q."""
         return self.scene.rows(self.scene.transforms(q))
 
-    def linear(self, q: Array) -> tuple[Array, Array, Flags]:
+    def linear(self, q: Array, far: float = 0.0) -> tuple[Array, Array, Flags]:
         """Return the functions of the contacts' least and largest gaps, and of what is kept clear of."""
-        far = 1.0 if self.problem.shifts else DIFFERENCE
-        ends, slopes = self.differences(lambda at: np.array(self.scene.ends(self.rows(at))), q, far)
+        step = 1.0 if self.problem.shifts else DIFFERENCE
+        ends, slopes = self.differences(lambda at: np.array(self.scene.ends(self.rows(at))), q, step)
         return self._with_keep_outs(
             q, np.append(self.low - ends[0], ends[1] - self.high), np.concatenate([-slopes[0], slopes[1]])
         )
