@@ -151,8 +151,8 @@ def _even(body: Body, own: Round, errors: Array, normals: dict[Label, Array]) ->
     looks = np.array([normals[face] for face in kept]).reshape(-1, 3)
     pairs = neighbours(kept)[0]
     turned = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
-    drawn = {name: short_decimals(getattr(own.surface, name), body.rounding) for name in ("origin", "radius")}
-    surface = own.surface._replace(**drawn)
+    origin, radius = (short_decimals(x, body.rounding) for x in (own.surface.origin, np.asarray(own.surface.radius)))
+    surface = own.surface._replace(origin=origin, radius=float(radius))
     return surface, tuple(body.face_rows[face] for face in kept if turned.min(initial=1.0) > GENTLE)
 
 
