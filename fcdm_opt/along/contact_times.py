@@ -455,7 +455,7 @@ class _OneWay:
     def _touch(self, x: float, grazing: bool) -> None:
         (one, two), slack = self._problem.active, DEFAULT.nominal * self._problem.size
         pose = relative_pose(one, two, self._transform(x))
-        self.touches.append(Touch(x, touching_features(one, two, pose, self._pair, slack), grazing))
+        self.touches.append(Touch(float(x), touching_features(one, two, pose, self._pair, slack), grazing))
 
     def _transform(self, x: float) -> Array:
         problem = self._problem

@@ -53,7 +53,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
             print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
         if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
             print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
-        for told in (*beyond_tolerances(solution.assembly), *solution.stages, *unsaid(solution)):
+        for told in (*beyond_tolerances(solution.assembly), *unsaid(solution)):
             print_text(f"{name}: {told}", indent="   ")
     for text in _overlaps(rows[0].solution.assembly):
         print_text(text, indent="   ")
@@ -63,7 +63,8 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
-    texts = (*(() if solution.usable else solution.active), solution.doubt)
+    known = solution.usable or solution.status.name == "OUTSIDE_FIT"
+    texts = (*(() if known else solution.active), solution.doubt)
     return [text for text in texts if text[1:] not in verdict]
 
 

@@ -159,7 +159,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
-    console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}: {shares or 'not measured'}\n")
+    console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}, parts read: {shares or 'not measured'}\n")
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:
