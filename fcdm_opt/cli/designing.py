@@ -28,6 +28,8 @@ _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 CHANGES = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
 JUDGED = ("map", "yield", "as drawn", "best pose")
 """What is judged where parts are made anew; with a yield the stack-up it is of."""
+ALL_SIZES = ("scales", "made", "requirement")
+"""Keys of a case that are no matter where all sizes are asked about; of a budget that of scales is."""
 LEAST = 0.1  # seconds that a map gets in any case
 
 
@@ -210,7 +212,8 @@ def whatif_command(
         if compare:
             yield "compare", compared(problem), tables.print_comparison
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked)
+    only_budget = budget is not None and not (changes or conflicts or drop or compare)
+    _each_case(Inquiry(files, case, as_json=as_json), asked, ignored=ALL_SIZES[1:] if only_budget else ())
 
 
 def map_command(
@@ -320,7 +323,7 @@ def pose_command(
         made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked, made=False)
+    _each_case(Inquiry(files, case, as_json=as_json), asked, ignored=ALL_SIZES)
 
 
 def faces_command(
@@ -407,18 +410,18 @@ def stack_command(
             if len(cut or most) == 2:
                 pictures.add(f"{stem}-slice", stacks.slice_figure(found, cut or most, title=title))
 
-    _each_case(inquiry, asked, made=False)
+    _each_case(inquiry, asked, ignored=ALL_SIZES)
 
 
 def _each_case(
     inquiry: Inquiry,
     asked: Callable[[OpenedFile, Problem], Iterator[tuple[str, Any, Callable[[Any], None]]]],
     *,
-    made: bool = True,
+    ignored: Sequence[str] = (),
 ) -> None:
     """Ask about every case of every file, print or collect the answers, and exit with the most severe code.
 
-    Where it is no matter what was `made`, cases that differ in that alone are asked about once.
+    Cases that differ in keys alone that are no matter, `ignored`, are asked about once.
     """
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.show.printing import print_lines
@@ -428,7 +431,7 @@ def _each_case(
     known = dict[str, tuple[str, dict[str, Any]]]()
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        inquiry.refused, of_facets, alike = False, False, "" if made else _question_key(file, problem)
+        inquiry.refused, of_facets, alike = False, False, _question_key(file, problem, ignored) if ignored else ""
         if alike in known:
             name, answers = known[alike]
             entry |= answers
@@ -466,14 +469,14 @@ def _each_case(
     inquiry.ask(answered)
 
 
-def _question_key(file: OpenedFile, problem: Scene) -> str:
-    """Return what cases have in common that differ only in the sizes made, as text; "" where it cannot be written."""
+def _question_key(file: OpenedFile, problem: Scene, ignored: Sequence[str]) -> str:
+    """Return what cases have in common that differ only in some keys, as text; "" where it cannot be written."""
     try:
         (case,) = problem.to_dict()["case"]
     except (InputError, AttributeError):
         return ""
-    ignored = ("name", "made", "scales", "requirement", "published", "published_text")
-    return repr((file.path, {key: value for key, value in case.items() if key not in ignored}))
+    own = {*ignored, "name", "published", "published_text"}
+    return repr((file.path, {key: value for key, value in case.items() if key not in own}))
 
 
 def _code(answer: Any) -> int:

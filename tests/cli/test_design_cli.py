@@ -145,6 +145,13 @@ def test_whatif_sets_any_key(tmp_path: Path) -> None:
     assert "bodies" not in text
 
 
+def test_a_budget_of_all_requirements_was_worked_out_anew_for_each() -> None:
+    code, text, _ = run("whatif", PROBLEMS / "example1_touch.toml", "--case", "A", "--case", "D", "--budget", 0.01)
+    assert code == 0
+    assert text.count("requirement") == 1
+    assert "as case A: these are of all sizes" in text
+
+
 @pytest.mark.slow
 def test_whatif_tells_budget_conflicts_costs_and_families() -> None:
     code, text, _ = run("whatif", PROBLEMS / "peg_tapered.toml", "--case", "A", "--budget", 0.1, "--compare", "--json")
