@@ -67,7 +67,7 @@ def study_figure(result: StudyResult) -> Figure:
 
     Over one numeric axis: a line for each other value, a panel for each case where there is more besides. Over two
     numeric axes with many values: a field for each. For draws, and where nothing is a number: the share of points whose
-    amount is at most so much. Points without a usable motion are marked by status.
+    amount is at most so much, a line for each other value. Points without a usable motion are marked by status.
     Above it stands the study's title, below it how its points ended.
     """
     axes = [_StudyAxis(label, values, place) for place, (label, values) in enumerate(result.axes.items())]
@@ -77,7 +77,8 @@ def study_figure(result: StudyResult) -> Figure:
     title = result.definition.get("title") or f"Amount over {listed([axis_text(axis.label) for axis in axes])}"
     words = title, f"{len(result.points)} points: {counts}"
     if "draw" in result.axes or not numeric:
-        return _shares(data, [axis for axis in axes if axis.label == "case"], result, words)
+        drawn = [axis for axis in axes if len(axis.values) <= FEW and axis.label != "draw" and "draw" in result.axes]
+        return _shares(data, drawn or [axis for axis in axes if axis.label == "case"], result, words)
     if len(numeric) > 1 and len(numeric[1].values) > FEW:
         return _fields(data, numeric[0], numeric[1], [axis for axis in axes if axis not in numeric[:2]], words)
     return _lines(data, numeric[0], [axis for axis in axes if axis is not numeric[0]], words)
@@ -166,7 +167,7 @@ def _fields(
 
 
 def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
-    """Draw the share of points whose amount is at most so much, a line a case, with the budget."""
+    """Draw the share of points whose amount is at most so much, a line for each other value, with the budget."""
     told, within = "", result.assembly_yield
     if within is not None:
         low, high = within.interval
