@@ -109,8 +109,12 @@ def closest(key: str, allowed: Iterable[str]) -> str:
 
 def similar_name(path: Path) -> str:
     """Return a hint at what is named most alike in the folder of a path, "" where nothing is."""
+    import difflib
+
     with suppress(OSError, ValueError):
-        return "" if path.exists() else closest(path.name, (own.name for own in path.parent.iterdir()))
+        every = [*path.parent.iterdir()]
+        near = difflib.get_close_matches(path.stem, [own.stem for own in every])  # all suffixes are alike
+        return "" if path.exists() else closest(path.name, (own.name for own in every if own.stem in near))
     return ""
 
 
