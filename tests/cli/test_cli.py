@@ -134,7 +134,7 @@ def test_solve_prints_the_smallest_motion_of_two_cubes(cubes: Path) -> None:
     assert "TX 1 " in row  # the shift along y does nothing, and is left out
     assert "TY" not in row
     assert "1.3" in row.split()  # published: hypot(1.2, 0.5)
-    assert text.splitlines()[-2].startswith("time of 1 case: ")
+    assert text.splitlines()[-2].startswith("time of 1 case, parts read: ")
     assert '"touch"' not in text  # the column belongs to goal "beyond"
 
 
