@@ -138,7 +138,10 @@ class ContactGaps:
         if not self.lines:
             why = by_contacts(scene) or "contacts as drawn are looked at"
             what = f"{why}, and here are none of flat faces, or of round ones of solids cut into parts"
-            raise InputError(what, key="contacts", allowed="such parts: coarser meshes are cut")
+            allowed = "such parts: coarser meshes are cut"
+            if not asked:
+                what, allowed = 'all parts are to be kept apart, goal "clear"', 'one contact of goal "at" or "seat"'
+            raise InputError(what, key="contacts", allowed=allowed)
 
     def transforms(self, q: Array) -> list[Array]:
         """Return the pose of body 1 of each relation."""
