@@ -421,8 +421,9 @@ def _each_case(
     Where it is no matter what was `made`, cases that differ in that alone are asked about once.
     """
     from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.model.true_faces import on_true_faces
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import answered_exactly, known_gaps, sizes_as_drawn
+    from fcdm_opt.show.remarks import known_gaps, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
     known = dict[str, tuple[str, dict[str, Any]]]()
@@ -441,7 +442,7 @@ def _each_case(
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
-            exact = getattr(answer, "on_true_faces", number > 0 or answered_exactly(problem))
+            exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
             of_facets |= not (key == "map" or exact)  # a map says it itself
             certificate = verify(answer) if key in JUDGED else None
             if certificate is not None:

@@ -54,28 +54,18 @@ TITLE, TEXT, NOTE = 9.0, 7.5, 6.5
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
-    "font.size": TEXT,
     "figure.titlesize": TITLE,
-    "axes.titlesize": TEXT,
-    "axes.labelsize": TEXT,
-    "xtick.labelsize": NOTE,
-    "ytick.labelsize": NOTE,
-    "legend.fontsize": NOTE,
-    "legend.frameon": False,
-    "axes.linewidth": 0.6,
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), TEXT),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), NOTE),
+    **dict.fromkeys(("legend.frameon", "axes.formatter.useoffset"), False),
     "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
     "grid.color": GREY,
     "grid.alpha": 0.2,
-    "grid.linewidth": 0.5,
     "lines.linewidth": 1.3,
-    "hatch.linewidth": 0.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.minor.size": 1.5,
-    "ytick.minor.size": 1.5,
+    **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
+    **dict.fromkeys(("grid.linewidth", "hatch.linewidth"), 0.5),
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 2.5),
+    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 1.5),
 }
 
 

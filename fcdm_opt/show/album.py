@@ -20,7 +20,7 @@ from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.scene import (
     ScenePieces,
-    ShownPair,
+    ShownBodies,
     contacts_of,
     numbered_contacts,
     scene_figure,
@@ -61,7 +61,7 @@ class Album:
         """Add a decision curve, and its bodies as drawn, or as they are made, in a unit of length."""
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
-        drawn = ShownPair.of(curve.movable, curve.static)
+        drawn = ShownBodies.of(curve.movable, curve.static)
         caption = "as made" if made else "as drawn"
         self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption=caption))
 
@@ -153,6 +153,6 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
         rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
         view = view_of(curve, tuple(at.tolist()), shifts_of(problem))
-    shown = ShownPair.of(problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view)
+    shown = ShownBodies.of(problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view)
     contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
     return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

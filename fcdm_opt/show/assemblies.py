@@ -19,7 +19,7 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.show import Figure
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
-from fcdm_opt.show.scene import VIEW, ShownPair, ShownParts, contacts_of, numbered_contacts, parts_figure
+from fcdm_opt.show.scene import VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
@@ -160,10 +160,7 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
             "amount": amount,
         }
-        shown = first if not rows else dict.fromkeys(first, "")
-        rows.append(
-            {"case": shown["case"], **own, **{key: shown[key] for key in ("total", "proved\nat least", "verified")}}
-        )
+        rows.append({"case": "", **own, **(first if not rows else dict.fromkeys(first, ""))})
     return rows
 
 
@@ -174,7 +171,7 @@ def touching(solution: AssemblySolution) -> list[Touching]:
         if own.rho is None or own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
-        shown = ShownPair.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
+        shown = ShownBodies.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
         for one in contacts_of(problem.curve_after(own.transform, own.rho), own.rho, shown, own.features):
             pieces = tuple(piece @ pose[:3, :3].T + pose[:3, 3] for piece in one.pieces)
             found.append(one._replace(pieces=pieces, normal=pose[:3, :3] @ one.normal, number=number, told=str(pair)))
@@ -185,7 +182,7 @@ ARROWS = "where each part goes, with what carries it (not to scale)"
 """What arrows of its picture tell."""
 
 
-def parts_of(solution: AssemblySolution) -> ShownParts:
+def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
     """Return the parts as made, after their motions, and what touches then; unmoved where none were found."""
     assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
     least = NOTHING * assembly.size
@@ -198,14 +195,14 @@ def parts_of(solution: AssemblySolution) -> ShownParts:
     bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    return ShownParts(bodies, names, ways, touching(solution), assembly.unit)
+    return ShownBodies.of_parts(bodies, names, ways), touching(solution)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions; unmoved where none were found."""
-    parts = parts_of(solution)
+    shown, contacts = parts_of(solution)
     state = f"after these motions; arrows: {ARROWS}" if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
-    if texts := numbered_contacts(parts.contacts):
+    if texts := numbered_contacts(contacts):
         caption += f"\ncontacts: {'; '.join(texts)}"
-    return parts_figure(parts, title=title, caption=caption)
+    return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

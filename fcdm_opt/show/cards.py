@@ -292,13 +292,7 @@ def certificate_card(certificate: Certificate) -> Card:
     """Return the card: every check, those that failed first."""
     words = {True: "\u2713 passed", False: "\u2717 failed"}
     lines = [
-        (
-            words[bool(check.passed)],
-            check.name,
-            number(check.value, least=0.0),
-            number(check.limit, least=0.0),
-            check.note,
-        )
+        (words[bool(check.passed)], check.name, *(number(x, least=0.0) for x in (check.value, check.limit)), check.note)
         for check in sorted(certificate.checks, key=lambda check: bool(check.passed))
     ]
     held = len(certificate.checks) - len(certificate.failed)

@@ -56,23 +56,10 @@ def environment() -> Any:
     """Return where templates are found, with the filters that they use; jinja2 is imported here, when one is drawn."""
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-    made = Environment(
-        loader=PackageLoader("fcdm_opt.show"),
-        autoescape=select_autoescape(["html"]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.filters |= {
-        "clean": cleaned,
-        "explained": explained,
-        "in_unit": in_unit,
-        "signed": signed,
-        "numbers": numbers,
-        "paragraphs": paragraphs,
-        "shown": shown,
-        "unbroken": unbroken,
-    }
+    escaped, bare = select_autoescape(["html"]), {"trim_blocks": True, "lstrip_blocks": True}
+    made = Environment(loader=PackageLoader("fcdm_opt.show"), autoescape=escaped, undefined=StrictUndefined, **bare)
+    filters = cleaned, explained, in_unit, numbers, paragraphs, shown, signed, unbroken
+    made.filters |= {own.__name__: own for own in filters}
     made.globals["glossary"] = EXPLAINED
     return made
 

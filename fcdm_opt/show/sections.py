@@ -94,17 +94,12 @@ class Touching(NamedTuple):
     def of(cls, feature: Feature, pieces: Sequence[Array], movable: Body, static: Body) -> Touching:
         """Return a contact of bodies as they are shown."""
         pieces = tuple(pieces)
-        if len(corners := pieces[0]) > 2:
-            return cls(pieces, np.linalg.svd(corners - corners.mean(axis=0))[2][2])
-        for body, element in ((movable, feature.one), (static, feature.two)):
-            if element.kind == "F":
-                points = body.vertices[np.array(element.vertices) - 1]
-                return cls(pieces, np.linalg.svd(points - points.mean(axis=0))[2][2])
-        ends = [
-            np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)[0]
-            for body, element in ((movable, feature.one), (static, feature.two))
-            if element.kind == "E"
-        ]
+        both = (movable, feature.one), (static, feature.two)
+        sides = [(element.kind, body.vertices[np.array(element.vertices) - 1]) for body, element in both]
+        flat = [*pieces[: len(pieces[0]) > 2], *(own for kind, own in sides if kind == "F")]
+        if flat:
+            return cls(pieces, np.linalg.svd(flat[0] - flat[0].mean(axis=0))[2][2])
+        ends = [np.diff(own, axis=0)[0] for kind, own in sides if kind == "E"]
         across = np.cross(*ends) if len(ends) == 2 else np.zeros(3)
         if not np.linalg.norm(across) > 1e-9 * movable.size * static.size:
             across = static.seed - movable.seed
@@ -117,7 +112,7 @@ def touching(curve: DecisionCurve, rho: ArrayLike) -> list[tuple[Contact, Array]
     A cylinder that is exact at a point of a plane touches it all along.
     """
     bodies = curve.movable, curve.static
-    faces = [true_faces(body if body.exact is None else body.exact.facets) for body in bodies]
+    faces = [true_faces(body.of_facets) for body in bodies]
     found = list[tuple[Contact, Array]]()
     for contact, corners in curve.touching(rho):
         sides = zip(bodies, (contact.feature.one, contact.feature.two), strict=True)

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.fixed_pose.clearances import Clearances
-    from fcdm_opt.design.whatif.budget import Budget, Budgets
+    from fcdm_opt.design.whatif.budget import Budgets
     from fcdm_opt.design.whatif.compare import Comparison
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
@@ -299,13 +299,13 @@ def print_budgets(budgets: Budgets) -> None:
     console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
-            "requirement": budget.requirement,
-            "tolerance": budget.tolerance_text(DIGITS),
-            "amount there": amount_text(budget.amount),
-            "above it": budget.end.value,
-            "smaller ones": _smaller(budget),
+            "requirement": one.requirement,
+            "tolerance": one.tolerance_text(DIGITS),
+            "amount there": amount_text(one.amount),
+            "above it": one.end.value,
+            "smaller ones": "-" if not one.tolerance else "proved" if one.proved else f"sampled, {one.points} points",
         }
-        for budget in budgets.values()
+        for one in budgets.values()
     ]
     reasons: dict[str, list[str]] = {}
     for budget in budgets.values():
@@ -325,11 +325,6 @@ def print_budgets(budgets: Budgets) -> None:
     notes += dict.fromkeys(filter(None, (each.closed_text for each in budgets.values())))
     notes += [f"{', '.join(letters)}: {reason}" for reason, letters in reasons.items()]
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
-
-
-def _smaller(budget: Budget) -> str:
-    """Return how it is known that smaller tolerances are good, where there are any."""
-    return "-" if not budget.tolerance else "proved" if budget.proved else f"sampled, {budget.points} points"
 
 
 def print_costs(costs: Costs) -> None:

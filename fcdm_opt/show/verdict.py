@@ -175,7 +175,8 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         ends.append((event, steps or ("staying there" if values else "")))
     along = steps_text(problem, coherent.direction.tolist())
     sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
-    sizes *= _across(coherent)
+    near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
+    sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
     told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
         if not steps:
@@ -203,13 +204,6 @@ def no_contact_text(problem: Problem) -> str:
     if touch_on_true_faces(problem):
         return f"{drawn} {TOUCH_BETWEEN}"
     return f"{drawn} the parts {lie}, so that no contact is there to be followed"
-
-
-def _across(coherent: CoherentRange) -> bool:
-    """Tell whether the contact meant lasts along a range at other sizes than where it begins."""
-    step = coherent.natural_step
-    x = max(np.clip([coherent.low, coherent.high], -step, step).tolist(), key=abs) / 2.0
-    return bool(np.abs(coherent.rho(x) - coherent.rho(0.0)).max() > DEFAULT.nominal)
 
 
 def _steps(solution: Solution) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
-from fcdm_opt.show.scene import parts_pieces
+from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
 from fcdm_opt.show.texts import (
     amount_text,
@@ -106,8 +106,8 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     titles = [file["title"] or file["file"] for file in files]
     cases, figures, stacks = [], [], list[dict[str, Any]]()
     for number, solution in enumerate(solutions):
-        contacts = (parts := parts_of(solution)).contacts
-        pieces = parts_pieces(parts)
+        bodies, contacts = parts_of(solution)
+        pieces = scene_pieces(bodies, contacts=contacts, unit=solution.assembly.unit)
         figures.append(assembly_scene(solution, contacts, pieces))
         file = next(file for file in files if number in file["cases"])
         cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
@@ -184,11 +184,13 @@ def study_page(result: StudyResult) -> str:
     fewer = (min(count, most) for most in (MOST_POINTS, MOST_ROWS))
     charted, printed = ([k * count // some for k in range(some)] for some in fewer)
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
+    words = COLUMNS | {name: f"{text} ({result.unit or 'length units'})" for name, text in LENGTHS.items()}
+    words |= {name: axis_text(name) for name in varied if name not in COLUMNS}
     return whole_page(
         "study.html",
         scripts=("study.js",),
         figures={
-            "words": (words := _words(varied, result.unit)),
+            "words": words,
             "columns": columns,
             "varied": varied,
             "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
@@ -237,12 +239,6 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
 
 
-def _words(varied: Sequence[str], unit: str) -> dict[str, str]:
-    """Return what columns are called where their names in files say little."""
-    lengths = {name: f"{text} ({unit or 'length units'})" for name, text in LENGTHS.items()}
-    return {**COLUMNS, **lengths, **{name: axis_text(name) for name in varied if name not in COLUMNS}}
-
-
 def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
     """Return what was varied, how many values it took, and which: of a grid its ends."""
     told, count = axis_text(label), str(len(values))
@@ -250,13 +246,9 @@ def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
         return "parts drawn at random", count, "from the distributions in the definition below"
     if len(values) > FEW and all(type(value) in (int, float) for value in values) and [*values] == sorted(values):
         return told, count, f"{shown(values[0])} to {shown(values[-1])}"
-    return told, count, _listed(values)
-
-
-def _listed(values: Sequence[Any]) -> str:
     some = [f"({shown(value)})" if isinstance(value, list | tuple) else shown(value) for value in values[:MOST_VALUES]]
     more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
-    return ", ".join(some) + more
+    return told, count, ", ".join(some) + more
 
 
 def _cell(name: str, value: Any) -> str:
