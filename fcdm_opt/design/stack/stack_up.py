@@ -346,7 +346,7 @@ class StackUp:
 
         if self.loop is not None:
             return self.loop.claims(least, largest, told)
-        one, two = (body if body.exact is None else body.exact.facets for body in self.touching.bodies)
+        one, two = (body.of_facets for body in self.touching.bodies)
         return GapClaims(
             bodies=(one, two),
             permanent_faces=self.touching.permanent_faces if self.on_true_faces else None,
