@@ -84,7 +84,6 @@ WITHIN = _ranges("LOW,HIGH as 0.1,0.3, LOW <= HIGH", 2)
 IN_BOX = _ranges("two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH")
 MAPS = "Write the map, its grid for the shop floor and pictures into this folder."
 RESULTS = "Write results and pictures into this folder."
-Results = Annotated[Path, option("--out", "DIR", RESULTS, check=common.written())]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
@@ -123,7 +122,7 @@ WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 def study_command(
     file: Annotated[Path, argument("FILE", "A study file (TOML).")],
-    out: Results,
+    out: Annotated[Path, option("--out", "DIR", RESULTS, check=common.written())],
     dark: common.Dark = False,
     jobs: Jobs = None,
     engine: Annotated[str, option("--engine", "joblib|dask", ENGINE, check=common.one_of("joblib", "dask"))] = "joblib",

@@ -62,8 +62,8 @@ class Album:
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
         drawn = ShownBodies.of(curve.movable, curve.static)
-        caption = "as made" if made else "as drawn"
-        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption=caption))
+        scene = scene_figure(drawn, unit=unit, title=title, caption="as made" if made else "as drawn")
+        self._write(f"{name}-scene", scene)
 
     def add_solution(self, stem: str, title: str, solution: Bounded) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on.
@@ -82,9 +82,8 @@ class Album:
         caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        view = self._views.setdefault(
-            stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
-        )
+        view = view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
+        view = self._views.setdefault(stem, view)
         scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", scene)
         if found and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:

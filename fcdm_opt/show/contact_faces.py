@@ -43,10 +43,9 @@ def _on_a_face(problem: Problem, feature: Feature, transform: Array) -> Feature:
         strict=True,
     ):  # fmt: skip
         drawn, normals = body.of_facets, body.of_facets.face_planes[0] @ turn.T
-        faces = [(row, np.array(drawn.faces[row]) - 1) for row in rows_of_element(body, element)]
-        sides.append(
-            [(Element("F", drawn.faces[row]), normals[row], rho * drawn.vertices[own] @ turn.T) for row, own in faces]
-        )
+        corners = rho * drawn.vertices @ turn.T
+        faces = [(row, drawn.faces[row]) for row in rows_of_element(body, element)]
+        sides.append([(Element("F", own), normals[row], corners[np.array(own) - 1]) for row, own in faces])
     for (one, normal, corners), (two, other, others) in product(*sides):
         off = min(np.ptp(corners @ other), np.ptp(others @ normal))
         if normal @ other < -np.cos(DEFAULT.sharp) and off <= digits:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -205,21 +206,15 @@ class Names:
     def _free(self, spots: Array, unit: Array, half: Array) -> tuple[Array, Array | None]:
         """Return the point to name and the middle of the first free place, best one clear of lines."""
         low, high = self._axes.bbox.min + half, self._axes.bbox.max - half
-        for strict in (True, False):
-            for distance in DISTANCES:
-                for angle in ANGLES:
-                    turn = np.radians(angle)
-                    way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
-                    # the nearest edge of the name is so far off, whichever way it stands
-                    off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
-                    for spot in spots:
-                        middle = spot + off * way
-                        if not ((middle >= low).all() and (middle <= high).all()):
-                            continue
-                        if self._covers(middle, half):
-                            continue
-                        if not strict or not self._crosses(middle, half):
-                            return spot, middle
+        for strict, distance, turn in product((True, False), DISTANCES, np.radians(ANGLES)):
+            way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
+            # the nearest edge of the name is so far off, whichever way it stands
+            off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
+            for spot in spots:
+                middle = spot + off * way
+                within = bool((middle >= low).all() and (middle <= high).all()) and not self._covers(middle, half)
+                if within and not (strict and self._crosses(middle, half)):
+                    return spot, middle
         return spots[0], None
 
     def _covers(self, middle: Array, half: Array) -> bool:

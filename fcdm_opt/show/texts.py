@@ -46,9 +46,9 @@ def number(value: float | None, digits: int = DIGITS, least: float = NOISE) -> s
     """Return a number, 0 up to `least`; a dash for nan and None."""
     if value is None or math.isnan(value):
         return "-"
-    return (
-        number_text(float(value), digits, least) if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
-    )
+    if math.isinf(value):
+        return "infinite" if value > 0 else "-infinite"
+    return number_text(float(value), digits, least)
 
 
 def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:

@@ -162,9 +162,8 @@ class Table(Plain):
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=allowed)
             object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
         if len(self.weights) not in (0, len(self.names)):
-            raise InputError(
-                "wrong shape", key="weights", found=len(self.weights), allowed=f"{len(self.names)}, or none"
-            )
+            allowed = f"{len(self.names)}, or none"
+            raise InputError("wrong shape", key="weights", found=len(self.weights), allowed=allowed)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
