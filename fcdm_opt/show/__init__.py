@@ -46,12 +46,8 @@ DARK = "#595959"
 LINE = "#1A1A1A"
 """Of edges on bodies, dark in any colour scheme: a surface is light, whatever the page is."""
 
-PAGE = 17.0 / 2.54
-"""Width in inches at which pictures are printed, across a page; sizes of text hold at it."""
-
-TITLE, TEXT, NOTE = 9.0, 7.5, 6.5
-"""Sizes of text in points: titles, labels, and lists beside a picture."""
-
+PAGE = 17.0 / 2.54  # width in inches at which pictures are printed, across a page; sizes of text hold at it
+TITLE, TEXT, NOTE = 9.0, 7.5, 6.5  # sizes of text in points: titles, labels, and lists beside a picture
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "figure.titlesize": TITLE,
@@ -94,8 +90,7 @@ def new_figure(width: float, height: float) -> Figure:
 DOTS, SMALL, COLOURS = 300, 1000, 256
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
-DARKEST = (20, 215)
-"""Lightness of white on a dark page, and by how much black is lighter, of 255."""
+DARKEST = (20, 215)  # lightness of white on a dark page, and by how much black is lighter, of 255
 
 
 def write_svg(figure: Figure, to: Path | IO[str]) -> None:

@@ -33,8 +33,7 @@ from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
 
-LONGEST_NAME = 100
-"""Characters of a picture's file name, before its number and ending."""
+LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
 
 class Album:

@@ -178,8 +178,7 @@ def touching(solution: AssemblySolution) -> list[Touching]:
     return found
 
 
-ARROWS = "where each part goes, with what carries it (not to scale)"
-"""What arrows of its picture tell."""
+ARROWS = "where each part goes, with what carries it (not to scale)"  # what arrows of its picture tell
 
 
 def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:

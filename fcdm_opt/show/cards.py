@@ -59,11 +59,8 @@ if TYPE_CHECKING:
 Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
 Rows = tuple[Sequence[str], Sequence[Sequence[object]]]
 
-LISTED, CHECKS_SHOWN = 12, 30
-"""Lines of a list or table, and checks of a certificate, that are shown."""
-
-DOTS = 100
-"""Dots per inch of a card's picture."""
+LISTED, CHECKS_SHOWN = 12, 30  # lines of a list or table, and checks of a certificate, that are shown
+DOTS = 100  # dots per inch of a card's picture
 
 
 class Card(NamedTuple):

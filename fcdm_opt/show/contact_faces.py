@@ -15,8 +15,7 @@ from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
-DIGITS = 2.0
-"""Times the rounding of both bodies' corners: planes through some of them, looked at where others are."""
+DIGITS = 2.0  # times the rounding of both bodies' corners: planes through some of them, looked at where others are
 CONVEX = ("cylinder", "cone")
 ON_A_FACE = ("V1F2", "F1V2", "E1F2", "F1E2")
 

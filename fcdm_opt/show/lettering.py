@@ -18,23 +18,14 @@ from fcdm_opt.show import DARK, NOTE, TITLE, Figure, new_figure
 SPACING, DESCENT, ASCENT = 1.2, 0.24, 0.76
 """Distance of lines, and how far letters of the font reach below and above the line, in sizes of their text."""
 
-LEADING = (SPACING - DESCENT) / ASCENT
-"""The same distance as matplotlib counts it: to the descent above, in ascents."""
-
-EDGE = 0.08
-"""Inches that words keep from the edge of the page."""
-
+LEADING = (SPACING - DESCENT) / ASCENT  # the same distance as matplotlib counts it: to the descent above, in ascents
+EDGE = 0.08  # inches that words keep from the edge of the page
 DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 70, -70, 110, -110)
 """Where a name may stand: points from what it names, and degrees from the wanted direction; the nearest first."""
 
-LEADER = 12.0
-"""Points from which on a line leads from a name to what it names."""
-
-INDENT = "     "
-"""Of what belongs to the line above it."""
-
-CLEAR = 1.0
-"""Points between a name and anything else."""
+LEADER = 12.0  # points from which on a line leads from a name to what it names
+INDENT = "     "  # of what belongs to the line above it
+CLEAR = 1.0  # points between a name and anything else
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,8 @@ from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shown
 
-LONGEST = 160
-"""Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
-
-UNMEASURED = (NONE, "impossible")
-"""Texts that stand for a number and take no unit."""
+LONGEST = 160  # characters of a text that a card shows; faces with hundreds of corners have labels of thousands
+UNMEASURED = (NONE, "impossible")  # texts that stand for a number and take no unit
 
 
 def rendered(template: str, **data: Any) -> str:

@@ -39,9 +39,7 @@ keep from the edge of its area, for arrows."""
 WIDE, LOW = 3.1, 0.36
 """Inches across of a scene in a report: words of it can be read on a phone; below it, where no legend is."""
 
-FINE = 180
-"""Pixels an inch of what is drawn as pixels."""
-
+FINE = 180  # pixels an inch of what is drawn as pixels
 AROUND = 30  # places to each side of a body where the arrow of its motion may stand
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
@@ -54,9 +52,7 @@ MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 fit in one of its lines."""
 
 HEAD = 9.0  # points across an arrow's head
-THIN = 0.7
-"""Points: lines that are drawn thinner are so in the key of a page, too."""
-
+THIN = 0.7  # points: lines that are drawn thinner are so in the key of a page, too
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
 
@@ -87,8 +83,7 @@ where one is known to be round, and how it is turned there."""
 LEAST_SEEN, MOST_LED = 1.5, 16
 """Pixels from the middle of a face to its outline from which on it is seen; numbers in a panel that lines lead to."""
 
-MOST_INSETS, ALIKE = 2, 0.999
-"""Contacts that are magnified; cosine between normals of those that look alike."""
+MOST_INSETS, ALIKE = 2, 0.999  # contacts that are magnified; cosine between normals of those that look alike
 
 
 @styled

@@ -23,12 +23,8 @@ from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped, rounded_down
 from fcdm_opt.tolerances import DEFAULT
 
-INSET = 1.55
-"""Inches across of an inset."""
-
-CORNER = 0.8
-"""Of half an inset: the bar of known length, and its label, are at most so long."""
-
+INSET = 1.55  # inches across of an inset
+CORNER = 0.8  # of half an inset: the bar of known length, and its label, are at most so long
 STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
 """Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
 nowhere; at most this share."""
@@ -36,9 +32,7 @@ nowhere; at most this share."""
 ALONG_AXIS, LEVEL = 1.0 - 1e-6, 0.9
 """Component of a direction along an axis of the world from which on it is that axis; along z, of a level section."""
 
-SLIVER = 0.15
-"""Share of a body's extent that a cut leaves at least."""
-
+SLIVER = 0.15  # share of a body's extent that a cut leaves at least
 ON_CURVE, ROUNDED = 12, 4.0
 """Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
 what facets leave of round faces stay where they are."""

@@ -47,12 +47,8 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Solution
 
-CONTACTS, NAME = 3, 72
-"""Contacts that are told one by one where there are no more, and letters of a body's name."""
-
-EXACT = 1e-3
-"""Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
-
+CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
+EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
     "LEFT_COHERENT_RANGE": "no motion found that keeps the intended contact all the way",

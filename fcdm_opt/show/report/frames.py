@@ -33,8 +33,7 @@ from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 LATE = "what touches, and at which sizes, is left out for time"
-Rows = dict[tuple[float, ...], int]
-"""Points, each listed once, in the order in which they were first asked for."""
+Rows = dict[tuple[float, ...], int]  # points, each listed once, in the order in which they were first asked for
 
 
 class Frames:
