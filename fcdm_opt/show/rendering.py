@@ -53,8 +53,8 @@ def environment() -> Any:
     """Return where templates are found, with the filters that they use; jinja2 is imported here, when one is drawn."""
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-    escaped, bare = select_autoescape(["html"]), {"trim_blocks": True, "lstrip_blocks": True}
-    made = Environment(loader=PackageLoader("fcdm_opt.show"), autoescape=escaped, undefined=StrictUndefined, **bare)
+    made = Environment(autoescape=select_autoescape(["html"]), trim_blocks=True, lstrip_blocks=True)
+    made.loader, made.undefined = PackageLoader("fcdm_opt.show"), StrictUndefined
     filters = cleaned, explained, in_unit, numbers, paragraphs, shown, signed, unbroken
     made.filters |= {own.__name__: own for own in filters}
     made.globals["glossary"] = EXPLAINED

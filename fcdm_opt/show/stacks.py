@@ -417,8 +417,8 @@ def _faces_sheet(
     numbers, rows = [_numbers(body) for body in bodies], []
     for k, (role, body) in enumerate(problem.drawn.items()):
         colour = {"movable": BLUE, "static": VERMILLION}.get(role, COLOURS[k % len(COLOURS)])
-        each = ((ShownBodies([(body, colour, "")], body.vertices, view), side) for view, side in sides[k].items())
-        shown = [(k, *own) for own in each]
+        drawn = [(body, colour, "")]
+        shown = [(k, ShownBodies(drawn, body.vertices, view), side) for view, side in sides[k].items()]
         rows += [shown[first : first + 2] for first in range(0, len(shown), 2)]
     heights = [float(np.clip(max(own.slenderness for _, own, _ in row) * wide, *HEIGHTS)) + HEAD for row in rows]
     sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, title=title), [set[str]() for _ in bodies]
