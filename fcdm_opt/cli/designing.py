@@ -420,9 +420,8 @@ def _each_case(
     Where it is no matter what was `made`, cases that differ in that alone are asked about once.
     """
     from fcdm_opt.judge.certificate import verify
-    from fcdm_opt.model.true_faces import on_true_faces
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import known_gaps, sizes_as_drawn
+    from fcdm_opt.show.remarks import known_gaps, on_true_faces, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
     known = dict[str, tuple[str, dict[str, Any]]]()

@@ -52,8 +52,8 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
 def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
-    told = (*(() if solution.usable else solution.active), solution.doubt)
-    return [text for text in told if text[1:] not in verdict]
+    lines = (*(() if solution.usable else solution.active), solution.doubt)
+    return [text for text in lines if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:

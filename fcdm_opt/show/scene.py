@@ -232,7 +232,7 @@ class ShownBodies:
 
     `solids` are each body as drawn, see `Body.of_facets`, its colour, and what the key calls it: the movable one, the
     static one, and keep-outs near enough to be shown; or the parts of an assembly. `points`, (n, 3), are what must be
-    on the page, and `named`, of two bodies alone, those whose elements features name. `ways`, (3,) each, tell where
+    on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (3,) each, tell where
     parts came from: an arrow of one length points away from there; none where 0, or for bodies beyond these.
     """
 
@@ -240,7 +240,7 @@ class ShownBodies:
     points: Array
     view: tuple[float, float]
     named: tuple[Body, Body] | None = None
-    ways: Sequence[Array] = ()
+    moves: Sequence[Array] = ()
 
     @classmethod
     def of(
@@ -275,12 +275,12 @@ class ShownBodies:
         return cls(solids, points, view, named)
 
     @classmethod
-    def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], ways: Sequence[Array] = ()) -> ShownBodies:
+    def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array] = ()) -> ShownBodies:
         """Return several bodies where they are, each in a colour of its own."""
         points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
         colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
         labels = [shortened(name, LONGEST_NAME) for name in names]
-        return cls(list(zip(bodies, colours, labels, strict=True)), points, VIEW, ways=ways)
+        return cls(list(zip(bodies, colours, labels, strict=True)), points, VIEW, moves=moves)
 
     @property
     def bodies(self) -> tuple[Body, Body]:
@@ -335,8 +335,8 @@ def draw_scene(
     old, times = shown.before(moved) if moved is not None else (None, 1.0)
     axes = _axes_for(sheet, area, shown, () if old is None else old.vertices)
     raster, cut = _draw_solids(axes, shown, contacts)
-    places = raster.roomiest() if len(shown.ways) else {}
-    for k, way in enumerate(shown.ways):
+    places = raster.roomiest() if len(shown.moves) else {}
+    for k, way in enumerate(shown.moves):
         flat = way @ page
         if k in places and np.linalg.norm(flat) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)

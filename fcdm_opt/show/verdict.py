@@ -317,8 +317,8 @@ def labels_in_words(text: str, scene: Scene) -> str:
 
 def held_text(labels: Sequence[str], scene: Scene) -> str:
     """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
-    told = (labels_in_words(str(own), scene) for own in labels)
-    whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in told)
+    words = (labels_in_words(str(own), scene) for own in labels)
+    whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in words)
     more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
     return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
 

@@ -129,9 +129,9 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
 
 def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
-    certificate, verdict, told = solution.certificate, assembly_verdict(solution), unsaid(solution)
+    certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
-        verdict, told = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *told]
+        verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
@@ -142,7 +142,7 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "amount": texts.amount_text(texts.seen_amount(solution), unit),
         "bound": texts.bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
-        "told": told,
+        "told": lines,
         "asked": texts.asked_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
