@@ -31,7 +31,7 @@ from fcdm_opt.show.plots import (
 )
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
-    ShownPair,
+    ShownBodies,
     contacts_of,
     draw_directions,
     draw_scene,
@@ -67,7 +67,7 @@ def figure_3() -> Figure:
     )  # fmt: skip
     for k, left in ((1, 0.0), (2, PAGE / 2)):
         asked = cases(k)[0]
-        _scene(sheet, left, f"({'ab'[k - 1]})  Example {k}", ShownPair.of(asked.movable, asked.static))
+        _scene(sheet, left, f"({'ab'[k - 1]})  Example {k}", ShownBodies.of(asked.movable, asked.static))
     return sheet.figure
 
 
@@ -97,7 +97,7 @@ def figure_5() -> Figure:
         caption=f"Green: what is in contact. {NOTE_ON_BODIES}",
     )  # fmt: skip
     for point, left in zip(asked.curve.switching_points, (0.0, PAGE / 2), strict=True):
-        shown = ShownPair.of(asked.movable, asked.static, rho=point.rho)
+        shown = ShownBodies.of(asked.movable, asked.static, rho=point.rho)
         rho = f"({point.rho[0]:.4f}, {point.rho[1]:.4f})"
         title = f"({'ab'[point.index - 1]})  SW{point.index} at {rho}"
         labels = [feature.label for feature in point.contact_features]
@@ -121,7 +121,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }  # fmt: skip
 
 
-def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, contacts: Sequence[Any] = ()) -> None:
+def _scene(sheet: Sheet, left: float, title: str, shown: ShownBodies, contacts: Sequence[Any] = ()) -> None:
     """Draw a scene into half of the sheet, with its title above and directions below."""
     axes = draw_scene(sheet, (left, 0.55, PAGE / 2, 2.3), shown, contacts=contacts)
     number_corners(axes, shown)
@@ -130,7 +130,7 @@ def _scene(sheet: Sheet, left: float, title: str, shown: ShownPair, contacts: Se
     sheet.figure.text(x, y, title, ha="center", va="top")
 
 
-def number_corners(axes: Any, shown: ShownPair) -> None:
+def number_corners(axes: Any, shown: ShownBodies) -> None:
     """Write each corner's number beside it, outwards if it can stand there, grey where hidden; hidden edges dotted."""
     from matplotlib.collections import LineCollection
 

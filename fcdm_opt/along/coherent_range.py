@@ -38,18 +38,14 @@ LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a trac
 class Event(Plain):
     """What ends a coherent range on one side."""
 
-    plain_names: ClassVar[tuple[str, ...]] = (
-        "x", "kind", "what", "grazing", "error", "features", "merged", "successors",
-    )  # fmt: skip
-
     x: float  # where, in multiples of the direction; infinite for "unbounded"
     kind: str  # a key of `KINDS`
-    # the tracked features that are not the contact beyond; all of them where the tracked pair itself is lost
-    features: tuple[Feature, ...] = ()
     what: str = ""  # in words: which vertex or edge is reached, or which part pair
     # whether the condition only touches zero there: beyond, the features may be the contact again
     grazing: bool = False
     error: float = 0.0  # how far x may be off: rounding where features cross, more where they graze
+    # the tracked features that are not the contact beyond; all of them where the tracked pair itself is lost
+    features: tuple[Feature, ...] = ()
     merged: tuple[Feature, ...] = ()  # what touches just there
     successors: tuple[Feature, ...] = ()  # what the contact is just beyond, where that is not a tracked feature
 
@@ -309,7 +305,7 @@ def _ended(
     stop = march.stop(side, end.x)
     if stop is None:
         x = math.inf if end.kind == "unbounded" else end.x
-        return Event(side * x, end.kind, (), end.what or KINDS[end.kind]), march.proved
+        return Event(side * x, end.kind, end.what or KINDS[end.kind]), march.proved
     x, error, grazing = march.settled(stop)
     lost = {cause.feature for cause in stop.causes}
     tracked = tuple(own.feature for own in followed)
@@ -317,7 +313,7 @@ def _ended(
     kind, what = stop.causes[0].kind, "; ".join(dict.fromkeys(cause.what for cause in stop.causes))
     merged, beyond = _around(problem, march, side * along, x) if kind in LOCAL else ((), ())
     successors = tuple(feature for feature in beyond if feature not in tracked)
-    return Event(side * x + 0.0, kind, features, what, grazing, error, merged, successors), march.proved
+    return Event(side * x + 0.0, kind, what, grazing, error, features, merged, successors), march.proved
 
 
 def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:
@@ -401,9 +397,8 @@ def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
     if turns.any():
         moving = [step for step, x in zip(problem.motion.owners, direction, strict=True) if x != 0]
         closed = len(moving) == 1 and moving[0].closed
-        ends.append(
-            Reach(2.0 * math.pi / float(turns.max()), "whole turn" if closed else "search", "after a whole turn")
-        )
+        kind = "whole turn" if closed else "search"
+        ends.append(Reach(2.0 * math.pi / float(turns.max()), kind, "after a whole turn"))
     elif limit is None:
         extent = problem.size + float(np.linalg.norm(problem.static.seed - problem.movable.seed))
         ends.append(Reach(FAR * extent / float(np.abs(direction).max()), "unbounded", ""))

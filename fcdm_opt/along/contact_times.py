@@ -360,9 +360,8 @@ def _of_solids(
     for span in spans:
         state = span.state
         if state == "apart" and kept_as_surface(*problem.active):
-            pose = problem.motion.transform(
-                0.5 * (span.low + span.high) * along, problem.movable.seed, problem.static.seed
-            )
+            middle = 0.5 * (span.low + span.high)
+            pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
             if PlacedSolids(problem.movable, problem.static, pair, pose).nested:
                 state = "overlapping"
         if found and found[-1].state == state:

@@ -302,9 +302,8 @@ def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: C
             made.append((aligned, Cause("opens", k % UNTRACKED, OPENS)))
     number, k = k % UNTRACKED, k if k < UNTRACKED else 0
     if parallel:  # each edge stays on the other
-        beside = Conditions.of(
-            forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=_unit(np.cross(n, Y[other[1]] - Y[other[0]]))
-        )
+        across = _unit(np.cross(n, Y[other[1]] - Y[other[0]]))
+        beside = Conditions.of(forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=across)
         made.append((beside, Cause("opens", number, OPENS)))
     corners, others = list(own), list(other)
     for (a, b), way in zip(_sides(own), outward_directions(X[corners], n, parallel), strict=True):

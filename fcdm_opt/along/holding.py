@@ -145,7 +145,7 @@ class Holding:
         """Yield what holds a motion of which the largest gap is least: which contacts are closed, or as far open."""
         rows = fit_rows(gaps, np.array([rate.slope for rate in rates]) / self.task.weights, self.slack)
         for k, other, held in rows:
-            rate = rates[k] if other < 0 else rates[other].plus(rates[k].times(-1.0))
+            rate = rates[k] if other < 0 else rates[other].plus([rates[k]], np.array([-1.0]))
             yield replace(rate, free=held, name=rates[k].name)
 
     def at_rest(self) -> tuple[Rate, Rate]:
@@ -265,7 +265,7 @@ class Holding:
         found, turn = list[Element](), self.end.pose[:9].reshape(3, 3)
         terms, normals = self._terms(parts, facing, facing.corners[0]), (facing.normal @ turn, -facing.normal)
         for body, term, normal in zip((task.movable, task.static), terms, normals, strict=True):
-            faces = true_faces(body.exact.facets if body.exact else body)
+            faces = true_faces(body.of_facets)
             own = {k: float(faces.patches[k].gaps(term.point[None])[1][0] @ normal) for k in faces.at(term.point)}
             if not own or max(own.values()) <= np.cos(BENT):
                 return None

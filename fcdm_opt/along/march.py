@@ -75,10 +75,11 @@ class March:
         self._ray, self._end, self.proved = replace(self._ray, side=side), end, True
         if self._rests != self._first:
             self._rest_on(self._first)
-        if (number := self._opens()) is not None:
-            own = self._followed[number]
-            how = "does not stay flush" if own.flush else "does not stay closed"
-            return Stop(0.0, (Cause("opens", number, f"{own.feature.label} {how}"),))
+        for cause in (self._causes[group] for group in self._groups[self._tied].tolist()):
+            flush = cause.feature >= 0 and self._followed[cause.feature].flush
+            if cause.kind == "opens" or (flush and cause.kind != "border"):
+                what = f"{self._followed[cause.feature].feature.label} does not stay {'flush' if flush else 'closed'}"
+                return Stop(0.0, (Cause("opens", cause.feature, what),))
         stop = self.advanced(0.0)
         while stop is not None and self._taken_over(stop):
             stop = self.advanced(stop.x)
@@ -123,15 +124,6 @@ class March:
         always[always] = others.vanishing(together.chosen(always))
         left = ~np.isin(numbers, numbers[always])  # one of a group is enough
         return tracked, others, causes, together.chosen(left), numbers[left], tied[left]
-
-    def _opens(self) -> int | None:
-        """Return the number of a flush contact that does not stay aligned."""
-        for group in self._groups[self._tied].tolist():
-            cause = self._causes[group]
-            flush = cause.feature >= 0 and self._followed[cause.feature].flush
-            if cause.kind == "opens" or (flush and cause.kind != "border"):
-                return cause.feature
-        return None
 
     def _stretch(self, x: float, span: float = 0.0) -> RayStretch:
         return self._ray.stretch(x, span, self._tracked)
@@ -304,11 +296,9 @@ class Others:
         made = copy(self)
         made._tracked = parts
         made._samples = [self._ray.stretch(share * self._within, 0.0, pair) for share in SAMPLES]
+        v, w = self._points
         made._planes = [
-            (
-                Conditions.of(forms.OWN, k, v=self._points[0] - line[7:10], sign=-1.0),
-                Conditions.of(forms.OTHER, k, w=self._points[1] - line[10:]),
-            )
+            (Conditions.of(forms.OWN, k, v=v - line[7:10], sign=-1.0), Conditions.of(forms.OTHER, k, w=w - line[10:]))
             for k, line in enumerate(pair.lines)
         ]
         return made

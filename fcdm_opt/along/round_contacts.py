@@ -94,8 +94,7 @@ def round_contacts(task: Task, q: Array, slack: float) -> list[RoundContact] | N
 
 def _true_faces(task: Task) -> tuple[TrueFaces, TrueFaces]:
     """Return the true faces of both bodies."""
-    one, two = (own.exact.facets if own.exact else own for own in (task.movable, task.static))
-    return true_faces(one), true_faces(two)
+    return true_faces(task.movable.of_facets), true_faces(task.static.of_facets)
 
 
 def curved(contact: RoundContact, shifts: Array, turns: Array, twist: Array) -> tuple[Array, Array] | None:

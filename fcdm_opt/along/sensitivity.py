@@ -262,23 +262,19 @@ def _made(
     if problem.requirement is not None:
         assert problem.tolerance is not None
         nominal = target * problem.target / problem.nominal_pair
-        tolerance = np.where(
-            np.array([problem.signs < 0, problem.signs > 0]).T,
-            (target * problem.nominal_pair * problem.signs)[:, None], 0.0,
-        )  # fmt: skip
+        taken = np.array([problem.signs < 0, problem.signs > 0]).T
+        tolerance = np.where(taken, (target * problem.nominal_pair * problem.signs)[:, None], 0.0)
     if nominal.any() and np.isfinite(nominal).all():
         for share, rate in zip(nominal, _nominal_rates(problem, task, reasons), strict=False):
             data += share * np.where(rate.broken & (share != 0), np.nan, rate.data)
     weights = np.zeros(len(names)) if q is None or problem.amount != "weighted" else problem.weights * q**2
     weights = weights / (task.amount(q) or 1.0) if q is not None else np.full(len(names), np.nan)
     keys = ["P1", "P2", *(f"keep-out {own.name!r} " for own in task.keep_out)]
-    faces: dict[str, float] = {}
-    vertices: dict[str, Array] = {}
-    seeds: dict[str, Array] = {}
+    faces, vertices, seeds = dict[str, float](), dict[str, Array](), dict[str, Array]()
     for k, (key, body) in enumerate(zip(keys, layout.bodies, strict=True)):
         rows = data[layout.vertices(k)].reshape(-1, 3)
         vertices |= {f"{key}V{row}": frozen(value) for row, value in enumerate(rows, 1)}
-        drawn = {*(body if body.exact is None else body.exact.facets).faces}  # others are of pieces at points
+        drawn = {*body.of_facets.faces}  # others are of pieces at points
         shifts = zip(body.faces, data[layout.faces(k)].tolist(), strict=True)
         faces |= {key + ",".join(f"V{label}" for label in face): x for face, x in shifts if face in drawn}
         seeds[key.strip()] = frozen(data[layout.seed(k)])

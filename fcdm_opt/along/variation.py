@@ -52,24 +52,17 @@ class Rate:
         """Return the rate of a multiple."""
         return replace(self, slope=factor * self.slope, scales=factor * self.scales, data=factor * self.data)
 
-    def plus(self, other: Rate) -> Rate:
-        """Return the rate of a sum."""
-        return replace(
-            self, slope=self.slope + other.slope, scales=self.scales + other.scales, data=self.data + other.data,
-            broken=self.broken | other.broken,
-        )  # fmt: skip
+    def plus(self, others: Sequence[Rate], shares: Array) -> Rate:
+        """Return the rate of a sum with multiples of others, (n,)."""
+        slope, scales, data = (
+            getattr(self, key) + shares @ [getattr(own, key) for own in others] for key in ("slope", "scales", "data")
+        )
+        used = [own.broken for own, share in zip(others, shares, strict=True) if share]
+        return replace(self, slope=slope, scales=scales, data=data, broken=np.any([self.broken, *used], axis=0))
 
     def along(self, pair: Array, lines: Sequence[Rate]) -> Rate:
         """Return the rate where the scale pair follows two lines: it changes by `pair`, (2, 2), times their changes."""
-        shares = self.scales @ pair
-        used = [line.broken for line, share in zip(lines, shares, strict=True) if share]
-        return replace(
-            self,
-            slope=self.slope + shares @ [line.slope for line in lines],
-            scales=np.zeros(2),
-            data=self.data + shares @ [line.data for line in lines],
-            broken=np.any([self.broken, *used], axis=0),
-        )
+        return replace(self.plus(lines, self.scales @ pair), scales=np.zeros(2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,11 +91,9 @@ def written(*endings: str) -> Check:
     A name with the ending of another kind of file is refused.
     """
     allowed = f"a name in {' or '.join(endings)}" if endings else "the name of a folder for several files"
-    return checked(
-        "no file of this kind is written",
-        allowed,
-        lambda path: path.suffix.lower() not in ENDINGS - {*endings} or path.is_dir(),
-    )
+    others = ENDINGS - {*endings}
+    what = "no file of this kind is written"
+    return checked(what, allowed, lambda path: path.suffix.lower() not in others or path.is_dir())
 
 
 def checked(what: str, allowed: str, holds: Callable[[Any], bool]) -> Check:
@@ -124,9 +122,8 @@ def two(what: str) -> Check:
 
     def check(key: str, text: str) -> list[str]:
         if len({*(found := names(key, text))}) != 2 or len(found) != 2 or not all(found):
-            raise InputError(
-                f"not two {what}", key=key, found=text, allowed=f"two different {what} with a comma between"
-            )
+            allowed = f"two different {what} with a comma between"
+            raise InputError(f"not two {what}", key=key, found=text, allowed=allowed)
         return found
 
     return check

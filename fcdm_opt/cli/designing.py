@@ -86,7 +86,6 @@ WITHIN = _ranges("LOW,HIGH as 0.1,0.3, LOW <= HIGH", 2)
 IN_BOX = _ranges("two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH")
 MAPS = "Write the map, its grid for the shop floor and pictures into this folder."
 RESULTS = "Write results and pictures into this folder."
-Results = Annotated[Path, option("--out", "DIR", RESULTS, check=common.written())]
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
@@ -125,7 +124,7 @@ WINDOW = "Smallest motion after which every pair's gap is in this window."
 
 def study_command(
     file: Annotated[Path, argument("FILE", "A study file (TOML).")],
-    out: Results,
+    out: Annotated[Path, option("--out", "DIR", RESULTS, check=common.written())],
     dark: common.Dark = False,
     jobs: Jobs = None,
     engine: Annotated[str, option("--engine", "joblib|dask", ENGINE, check=common.one_of("joblib", "dask"))] = "joblib",
@@ -425,7 +424,7 @@ def _each_case(
     """
     from fcdm_opt.judge.certificate import verify
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import answered_exactly, known_gaps, sizes_as_drawn
+    from fcdm_opt.show.remarks import known_gaps, on_true_faces, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
     known = dict[str, tuple[str, dict[str, Any]]]()
@@ -444,7 +443,7 @@ def _each_case(
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
-            exact = getattr(answer, "on_true_faces", number > 0 or answered_exactly(problem))
+            exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
             of_facets |= not (key == "map" or exact)  # a map says it itself
             certificate = verify(answer) if key in JUDGED else None
             if certificate is not None:

@@ -578,6 +578,11 @@ class Body(_Sealed, NotebookRepr):
         """Labels of the body's own corners, in order; not of vertices that only cuts between its parts have."""
         return tuple(sorted({label for face in self.faces for label in face}))
 
+    @property
+    def of_facets(self) -> Body:
+        """The body of facets that one was made of which is exact at points of round faces; any other itself."""
+        return self if self.exact is None else self.exact.facets
+
     def owns(self, element: Element) -> bool:
         """Tell whether an element is a corner, an edge or a face of the solid, and not only of a cut between its parts.
 

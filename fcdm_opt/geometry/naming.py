@@ -156,7 +156,7 @@ def told_element(body: Body, element: Element) -> str:
 def rows_of_element(body: Body, element: Element) -> list[int]:
     """Return the rows of the faces of a body, as drawn, that an element is of, that which names it first."""
     body = body.full_body or body
-    drawn = body if body.exact is None else body.exact.facets
+    drawn = body.of_facets
     if (piece := body.piece_of(element)) is not None:
         rows, arms = [*piece.rows], np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)
         off = np.abs(piece.normals @ arms.T).max(axis=1, initial=0.0)  # of its corners from each of the true faces

@@ -111,7 +111,7 @@ class Resizing:
             what = "rows of sizes are of a solid cut into convex parts, and of this one only the surface is kept"
             allowed = 'decomposition = "exact", or a question at given sizes (made)'
             raise InputError(what, key=f"body '{body.name}'", found=body.notes[0], allowed=allowed)
-        facets_of = body if body.exact is None else body.exact.facets
+        facets_of = body.of_facets
         face_offsets = offsets_of_faces(drawn or facets_of, sizes)
         turns = np.array([size.directions() for size in sizes]).reshape(-1, 3, 3)
         shares = _shares(facets_of, face_offsets)
@@ -165,7 +165,7 @@ class Resizing:
 
     def parted(self) -> str:
         """Return which faces move and not those that go on from them, nearly in one plane; "" where none are."""
-        body = self.body if self.body.exact is None else self.body.exact.facets
+        body = self.body.of_facets
         pairs, normals = neighbours([*body.faces])[0], body.face_planes[0]
         moved = np.abs(self.faces).max(axis=1, initial=0.0) > 0.0
         turned = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1)
@@ -424,7 +424,7 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
     """Return how a point of a body's true faces moves, also of one exact at points, (3,)."""
     # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
-    facets = body if body.exact is None else body.exact.facets
+    facets = body.of_facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
     offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
     near = faces.at(point, faces.slack)

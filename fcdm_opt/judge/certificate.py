@@ -514,7 +514,10 @@ class _Judge:
         if not self._known:
             names = ", ".join(problem.motion.names)
             return [_at_most("parameters", float("nan"), 0, f"the motion has {names}")]
-        between = T - self._end
+        try:
+            between = T - problem.motion.transform(self.q, problem.movable.seed, problem.static.seed)
+        except InputError:  # a screw whose axis has vanished on the way
+            between = np.full((4, 4), np.nan)
         apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
         off = np.sqrt((apart * apart).sum(axis=1).max())
         amount = self._amount()
@@ -597,11 +600,8 @@ class _Judge:
                 bounds=[*problem.limits.tolist(), (0.0, None)],
             )
             least = float(program.fun) if program.status == 0 else float("nan")
-            checks.append(
-                _at_most(
-                    "largest gap least", gaps.max(), least + self._play, "no shift makes it less, other parts aside"
-                )
-            )
+            note = "no shift makes it less, other parts aside"
+            checks.append(_at_most("largest gap least", gaps.max(), least + self._play, note))
         return checks
 
     def only_motion(self) -> list[Check]:
@@ -825,15 +825,11 @@ class _Judge:
             self._status(state),
         ]
         if self.outside is not None:
-            least = max(gap, 0.0) - self.limit
+            least, inside = max(gap, 0.0) - self.limit, self.outside.inside * (solution.pair_state != "overlapping")
+            note = "closed surfaces that lie inside the other body, not claimed to overlap it"
             checks += [
                 _at_least("whole surfaces", self.outside.distance, least, "distance of those that are not looked at"),
-                _at_most(
-                    "inside",
-                    0 if solution.pair_state == "overlapping" else self.outside.inside,
-                    0,
-                    "closed surfaces that lie inside the other body, not claimed to overlap it",
-                ),
+                _at_most("inside", inside, 0, note),
             ]
         if "touch" in (problem.pair, problem.goal):
             near = _at_most("pair touches", abs(gap), self.limit)
@@ -859,14 +855,11 @@ class _Judge:
             nominal = (1.0, 1.0) if isinstance(nominal, str) else nominal
             shares, letter = np.array(request["tolerance"], dtype=np.float64), request["requirement"]
             (less, more), (fewer, greater) = np.broadcast_to(shares[:, None] if shares.ndim == 1 else shares, (2, 2))
-            asked = np.array(nominal) * (
-                1.0 + (more if letter in "AB" else -less),
-                1.0 + (greater if letter in "AC" else -fewer),
-            )
-        off = np.abs(problem.target / asked - 1.0).max()
-        return _at_most(
-            "sizes asked", off, limit + self.tolerances.requirement, f"relative, from {_pair(np.array(asked))}"
-        )
+            off = more if letter in "AB" else -less, greater if letter in "AC" else -fewer
+            asked = np.array(nominal) * (1.0 + np.array(off))
+        most = np.abs(problem.target / asked - 1.0).max()
+        note = f"relative, from {_pair(np.array(asked))}"
+        return _at_most("sizes asked", most, limit + self.tolerances.requirement, note)
 
     def scene(self) -> list[Check]:
         """Check that the part made keeps clear of each keep-out, at every scale of its range."""
@@ -894,14 +887,6 @@ class _Judge:
         if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
             poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
         return s, poses, self._tracked(s, poses)
-
-    @cached_property
-    def _end(self) -> Array:
-        problem = self.problem
-        try:
-            return problem.motion.transform(self.q, problem.movable.seed, problem.static.seed)
-        except InputError:  # a screw whose axis has vanished on the way
-            return np.full((4, 4), np.nan)
 
     def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
         """Return how far the bodies are apart or overlap at each point of the way, (k,)."""

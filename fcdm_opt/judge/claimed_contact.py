@@ -44,8 +44,6 @@ Proof = tuple[tuple[int, int], Array]  # the numbers of two parts, and a claim's
 
 def least_errors(proofs: list[Proof], count: int) -> Array:
     """Return the least errors of all proofs at each pose, (count,); infinite without any."""
-    if len(proofs) == 1:
-        return proofs[0][1]
     return np.min([np.full(count, np.inf), *(errors for _, errors in proofs)], axis=0)
 
 

@@ -78,10 +78,8 @@ def passage(problem: Problem, way: Array) -> tuple[float, float]:
     length, ends = float(np.linalg.norm(way)), [-np.inf, np.inf]
     one, two = _corners(problem, 0.0, REST)
     points, others = problem.movable.vertices, problem.static.vertices
-    largest = [
-        (max(map(abs, own.tolerance or (0.0,))), 1.0 if own.is_length else problem.size) for own in problem.sizes
-    ]
-    change = sum(most * unit for most, unit in largest)
+    units = [1.0 if own.is_length else problem.size for own in problem.sizes]
+    change = sum(unit * max(map(abs, own.tolerance or (0.0,))) for unit, own in zip(units, problem.sizes, strict=True))
     for side, sign in enumerate((-1.0, 1.0)):
         past = past_after(one, two, sign * way / length, DEFAULT.side * problem.size)
         ends[side] = min(ends[side], sign * past / length, key=abs)

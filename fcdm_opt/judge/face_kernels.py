@@ -53,8 +53,7 @@ def heights(surfaces, points):
     off, directions, one = np.empty(len(points)), np.empty(points.shape), len(surfaces) == 1
     for i in range(len(points)):
         off[i], direction = _height(surfaces[0 if one else i], (points[i, 0], points[i, 1], points[i, 2]))
-        for x in range(3):
-            directions[i, x] = direction[x]
+        directions[i, 0], directions[i, 1], directions[i, 2] = direction
     return off, directions
 
 
@@ -104,8 +103,7 @@ def points_of_edges(one, two, start, end, shares):
     for i in range(len(start)):
         ends = (start[i, 0], start[i, 1], start[i, 2]), (end[i, 0], end[i, 1], end[i, 2])
         point = edge_point(one[0 if same else i], two[0 if same_two else i], ends[0], ends[1], shares[i])
-        for x in range(3):
-            points[i, x] = point[x]
+        points[i, 0], points[i, 1], points[i, 2] = point
     return points
 
 

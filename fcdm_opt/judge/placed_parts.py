@@ -12,18 +12,7 @@ import numpy as np
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.judge.certificate import (
-    PROOF,
-    RESTORED,
-    _at_most,
-    keep_out_check,
-    left_by_mesh,
-    proof_checks,
-    restored_at_least,
-    same_as_read,
-    solids_gap,
-    verify,
-)
+from fcdm_opt.judge import certificate
 from fcdm_opt.judge.engagement import goes_through, leaves_fit
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
@@ -62,11 +51,11 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
     for one, two in assembly.pairs():
         rho, seen = np.array([scales[one], scales[two]]), _seen(poses, one, two)
         bodies = exact.get((one, two), (made[one], made[two]))
-        gap = solids_gap(*bodies, rho, seen, limit)
+        gap = certificate.solids_gap(*bodies, rho, seen, limit)
         checks.append(Check(kept_apart(one, two), gap >= -limit, gap, -limit, "signed distance as made"))
     for part in assembly.motions:
         for keep_out in assembly.keep_out:
-            check = keep_out_check(keep_out, made[part], scales[part], poses[part], limit, tolerances)
+            check = certificate.keep_out_check(keep_out, made[part], scales[part], poses[part], limit, tolerances)
             checks.append(check._replace(name=kept_clear_by(part, keep_out.name)))
     left = out_of_place(solution, poses)
     told = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)
@@ -75,7 +64,7 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
     agrees &= bool(left) is (solution.status is Status.OUTSIDE_FIT)
     checks.append(Check(IN_PLACE, agrees, len(left), 0.0, told or "no part leaves its fit in another one"))
     proofs = proofs_of(solution) if proof else ()
-    return (*checks, *proofs, *same_as_read(solution, checks, DEFAULT.touch * assembly.size))
+    return (*checks, *proofs, *certificate.same_as_read(solution, checks, DEFAULT.touch * assembly.size))
 
 
 def shared_proofs(solution: AssemblySolution) -> list[Check]:
@@ -94,9 +83,9 @@ def shared_proofs(solution: AssemblySolution) -> list[Check]:
         problems = [assembly.problem(pair, parts) for pair in asked.values()]
         moved = [x for part in parts for x in solution.parameters.get(part, {}).values()]
         q = np.array(moved) if solution.status.found else None
-        shown = claim.bound == 0.0 or (apart and restored_at_least(problems, claim.bound, q))
-        name = f"{PROOF}{', '.join(map(str, pairs))}"
-        checks.append(Check(name, bool(shown), claim.bound if shown else 0.0, claim.bound, RESTORED))
+        shown = claim.bound == 0.0 or (apart and certificate.restored_at_least(problems, claim.bound, q))
+        name = f"{certificate.PROOF}{', '.join(map(str, pairs))}"
+        checks.append(Check(name, bool(shown), claim.bound if shown else 0.0, claim.bound, certificate.RESTORED))
         seen |= involved
     return checks
 
@@ -111,7 +100,7 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
         if not assembly.is_own(pair) or pair.one in taken or tuple(own.parameters) != assembly.motions[pair.one].names:
             continue  # its motion is counted, or it is not the only one that it depends on
         exact = own.problem.exact_at is not None  # the same question, see `_contacts`
-        proofs = proof_checks(own if exact else replace(own, problem=assembly.problem(pair)))
+        proofs = certificate.proof_checks(own if exact else replace(own, problem=assembly.problem(pair)))
         checks += [check._replace(name=f"{pair}: {check.name}") for check in proofs]
         if all(check.passed for check in proofs):
             shown.append(assembly.weights[pair.one] * own.lower_bound)
@@ -120,7 +109,7 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
     why = UNCLAIMED if bound == 0.0 and solution.amount > DEFAULT.touch * assembly.size else why
     if not passed and solution.evidence is None:  # found anew, of all contacts at once
         return proofs_of(replace(solution, evidence=(SharedBound(tuple(own[:2] for own in assembly.contacts), bound),)))
-    return (*checks, Check(f"{PROOF}lower bound", passed, least, bound, why))
+    return (*checks, Check(f"{certificate.PROOF}lower bound", passed, least, bound, why))
 
 
 def placed(solution: AssemblySolution) -> AssemblySolution:
@@ -199,12 +188,12 @@ def _motions(
     slack = tolerances.requirement * total + tolerances.line * assembly.size
     beyond = max(solution.lower_bound - total, -solution.lower_bound)
     return [
-        _at_most("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
-        _at_most("amounts", told, slack, "of the parts"),
-        _at_most("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
-        _at_most("lower bound", beyond, slack, "from 0 to the amount"),
-        _at_most("limits", excess, tolerances.requirement * assembly.size),
-        *left_by_mesh(solution, [*assembly.bodies_made.values()], slack),
+        certificate._at_most("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
+        certificate._at_most("amounts", told, slack, "of the parts"),
+        certificate._at_most("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
+        certificate._at_most("lower bound", beyond, slack, "from 0 to the amount"),
+        certificate._at_most("limits", excess, tolerances.requirement * assembly.size),
+        *certificate.left_by_mesh(solution, [*assembly.bodies_made.values()], slack),
     ]
 
 
@@ -225,7 +214,7 @@ def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float,
         moved = assembly.parts[pair.one].vertices @ between[:3, :3].T + between[:3, 3]
         off = float(np.linalg.norm(moved, axis=1).max())
         checks.append(Check(f"where: {pair}", off <= limit, off, limit, "largest displacement of a vertex"))
-        verdict = verify(own, tolerances)
+        verdict = certificate.verify(own, tolerances)
         names = ", ".join(check.name for check in verdict.failed)
         checks.append(Check(f"contact: {pair}", verdict.passed, len(verdict.failed), 0.0, names or "all checks passed"))
     return checks

@@ -46,36 +46,22 @@ DARK = "#595959"
 LINE = "#1A1A1A"
 """Of edges on bodies, dark in any colour scheme: a surface is light, whatever the page is."""
 
-PAGE = 17.0 / 2.54
-"""Width in inches at which pictures are printed, across a page; sizes of text hold at it."""
-
-TITLE, TEXT, NOTE = 9.0, 7.5, 6.5
-"""Sizes of text in points: titles, labels, and lists beside a picture."""
-
+PAGE = 17.0 / 2.54  # width in inches at which pictures are printed, across a page; sizes of text hold at it
+TITLE, TEXT, NOTE = 9.0, 7.5, 6.5  # sizes of text in points: titles, labels, and lists beside a picture
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
-    "font.size": TEXT,
     "figure.titlesize": TITLE,
-    "axes.titlesize": TEXT,
-    "axes.labelsize": TEXT,
-    "xtick.labelsize": NOTE,
-    "ytick.labelsize": NOTE,
-    "legend.fontsize": NOTE,
-    "legend.frameon": False,
-    "axes.linewidth": 0.6,
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), TEXT),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), NOTE),
+    **dict.fromkeys(("legend.frameon", "axes.formatter.useoffset"), False),
     "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
     "grid.color": GREY,
     "grid.alpha": 0.2,
-    "grid.linewidth": 0.5,
     "lines.linewidth": 1.3,
-    "hatch.linewidth": 0.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.minor.size": 1.5,
-    "ytick.minor.size": 1.5,
+    **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
+    **dict.fromkeys(("grid.linewidth", "hatch.linewidth"), 0.5),
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 2.5),
+    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 1.5),
 }
 
 
@@ -104,8 +90,7 @@ def new_figure(width: float, height: float) -> Figure:
 DOTS, SMALL, COLOURS = 300, 1000, 256
 """Dots per inch in print, where a wider picture is reduced to the page; pixels across and colours for a README."""
 
-DARKEST = (20, 215)
-"""Lightness of white on a dark page, and by how much black is lighter, of 255."""
+DARKEST = (20, 215)  # lightness of white on a dark page, and by how much black is lighter, of 255
 
 
 def write_svg(figure: Figure, to: Path | IO[str]) -> None:

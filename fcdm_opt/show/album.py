@@ -14,27 +14,16 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.solution import Bounded, Solution
-from fcdm_opt.show import Figure, save
+from fcdm_opt.show import Figure, save, scene
 from fcdm_opt.show.assemblies import assembly_figure
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
-from fcdm_opt.show.scene import (
-    ScenePieces,
-    ShownPair,
-    contacts_of,
-    numbered_contacts,
-    scene_figure,
-    scene_pieces,
-    shifts_of,
-    view_of,
-)
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
 from fcdm_opt.show.verdict import motion_said, verdict_text
 
-LONGEST_NAME = 100
-"""Characters of a picture's file name, before its number and ending."""
+LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
 
 class Album:
@@ -61,9 +50,9 @@ class Album:
         """Add a decision curve, and its bodies as drawn, or as they are made, in a unit of length."""
         name = self._once(stem)
         self._write(f"{name}-curve", decision_curve_figure(curve, title=title))
-        drawn = ShownPair.of(curve.movable, curve.static)
-        caption = "as made" if made else "as drawn"
-        self._write(f"{name}-scene", scene_figure(drawn, unit=unit, title=title, caption=caption))
+        drawn = scene.ShownBodies.of(curve.movable, curve.static)
+        figure = scene.scene_figure(drawn, unit=unit, title=title, caption="as made" if made else "as drawn")
+        self._write(f"{name}-scene", figure)
 
     def add_solution(self, stem: str, title: str, solution: Bounded) -> None:
         """Add the decision curve before and after a motion, the bodies after it, and what the amount depends on.
@@ -82,11 +71,10 @@ class Album:
         caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {verdict_text(solution)}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
-        view = self._views.setdefault(
-            stem, view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
-        )
-        scene = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
-        self._write(f"{name}-scene", scene)
+        view = scene.view_of(problem.curve, tuple(problem.nominal_pair.tolist()), scene.shifts_of(problem))
+        view = self._views.setdefault(stem, view)
+        figure = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
+        self._write(f"{name}-scene", figure)
         if found and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
@@ -127,15 +115,15 @@ def solution_figure(
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
-    if told := numbered_contacts(drawn["contacts"]):
+    if told := scene.numbered_contacts(drawn["contacts"]):
         caption += f"\ncontacts: {'; '.join(told)}"
     said = motion_said(solution) if drawn["moved"] is not None else ""
-    return scene_figure(**drawn, said=said, title=title, caption=caption)
+    return scene.scene_figure(**drawn, said=said, title=title, caption=caption)
 
 
-def solution_pieces(solution: Solution) -> ScenePieces:
+def solution_pieces(solution: Solution) -> scene.ScenePieces:
     """Draw the same in pieces, for a report."""
-    return scene_pieces(**_drawn(solution, None)[0])
+    return scene.scene_pieces(**_drawn(solution, None)[0])
 
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
@@ -152,7 +140,9 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     if view is None:  # with sizes by name there may be no nominal contact
         rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
-        view = view_of(curve, tuple(at.tolist()), shifts_of(problem))
-    shown = ShownPair.of(problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view)
-    contacts = [overlap] if overlap else contacts_of(moved, rho, shown, problem.contacts or solution.features)
+        view = scene.view_of(curve, tuple(at.tolist()), scene.shifts_of(problem))
+    shown = scene.ShownBodies.of(
+        problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
+    )
+    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, problem.contacts or solution.features)
     return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho

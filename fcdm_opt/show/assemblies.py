@@ -17,23 +17,12 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.show import Figure
+from fcdm_opt.show import Figure, texts
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
-from fcdm_opt.show.scene import VIEW, ShownPair, ShownParts, contacts_of, numbered_contacts, parts_figure
+from fcdm_opt.show.scene import VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.texts import (
-    CLOSED,
-    NOTHING,
-    amount_text,
-    bound_line,
-    bound_text,
-    described,
-    made_text,
-    seen_amount,
-    values_by_part,
-)
 from fcdm_opt.show.verdict import EXACT, barring, instruction_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
@@ -64,8 +53,8 @@ def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
     known = solution.usable or solution.status.name == "OUTSIDE_FIT"
-    texts = (*(() if known else solution.active), solution.doubt)
-    return [text for text in texts if text[1:] not in verdict]
+    lines = (*(() if known else solution.active), solution.doubt)
+    return [text for text in lines if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:
@@ -86,11 +75,11 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
     Motions are told as parameters, "TX 0.0125 + TZ 0.055"; rounding is left out.
     """
     assembly, outside = solution.assembly, solution.status.name == "OUTSIDE_FIT"
-    moved = [(part, [] if outside else kept) for part, kept in values_by_part(solution).items()]
-    told = {part: described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
+    moved = [(part, [] if outside else kept) for part, kept in texts.values_by_part(solution).items()]
+    told = {part: texts.described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
-        (part, assembly.follows.get(part, "-"), made_text(assembly, part), motion,
-         amount_text(None if amount is None or outside else amount * any(kept)))
+        (part, assembly.follows.get(part, "-"), texts.made_text(assembly, part), motion,
+         texts.amount_text(None if amount is None or outside else amount * any(kept)))
         for part, motion, amount, kept in (
             *((part, told[part], solution.amounts.get(part), kept) for part, kept in moved),
             *((part, "fixed", None, ()) for part in assembly.fixed),
@@ -116,10 +105,10 @@ def assembly_verdict(solution: AssemblySolution) -> str:
         most = max((abs(gap) for pair, gap in solution.gaps.items() if frozenset(pair) in named), default=0.0)
         slack = max(own.contact_slack for own in assembly.questions.values())
         met = f"open by no more than {measured(most, assembly.unit, 4)}" if most > slack else met
-    if not any(map(any, values_by_part(solution).values())):
+    if not any(map(any, texts.values_by_part(solution).values())):
         return f"{done}: every contact is {met}"
-    sure = abs(solution.gap) < max(CLOSED, EXACT)
-    proved = "smallest possible together (proved)" if sure else f"proved at least {bound_line(solution)}"
+    sure = abs(solution.gap) < max(texts.CLOSED, EXACT)
+    proved = "smallest possible together (proved)" if sure else f"proved at least {texts.bound_line(solution)}"
     gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
     through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
     return "; ".join([f"{done}: then every contact is {met}", solution.doubt or proved, *through])
@@ -131,7 +120,7 @@ def assembly_instruction(solution: AssemblySolution) -> str:
     A motion is relative to what carries the part, which is said where that is no fixed part.
     """
     assembly, moved = solution.assembly, list[str]()
-    for part, kept in values_by_part(solution).items():
+    for part, kept in texts.values_by_part(solution).items():
         motion = assembly.motions[part]
         words = motion.describe_steps(kept, unit=assembly.unit) if any(kept) else []
         steps = zip(motion.by_step(kept), words, strict=False)
@@ -146,8 +135,8 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
     verdict = "-" if not solution.status.found else verdict_cell(solution)
     first = {
         "case": wrapped(assembly.name, CELL_WIDTH),
-        "total": amount_text(seen_amount(solution)),
-        "proved\nat least": bound_text(solution),
+        "total": texts.amount_text(texts.seen_amount(solution)),
+        "proved\nat least": texts.bound_text(solution),
         "verified": verdict,
     }
     rows = list[dict[str, str]]()
@@ -161,10 +150,7 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
             "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n"),
             "amount": amount,
         }
-        shown = first if not rows else dict.fromkeys(first, "")
-        rows.append(
-            {"case": shown["case"], **own, **{key: shown[key] for key in ("total", "proved\nat least", "verified")}}
-        )
+        rows.append({"case": "", **own, **(first if not rows else dict.fromkeys(first, ""))})
     return rows
 
 
@@ -175,21 +161,20 @@ def touching(solution: AssemblySolution) -> list[Touching]:
         if own.rho is None or own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
-        shown = ShownPair.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
+        shown = ShownBodies.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
         for one in contacts_of(problem.curve_after(own.transform, own.rho), own.rho, shown, own.features):
             pieces = tuple(piece @ pose[:3, :3].T + pose[:3, 3] for piece in one.pieces)
             found.append(one._replace(pieces=pieces, normal=pose[:3, :3] @ one.normal, number=number, told=str(pair)))
     return found
 
 
-ARROWS = "where each part goes, with what carries it (not to scale)"
-"""What arrows of its picture tell."""
+ARROWS = "where each part goes, with what carries it (not to scale)"  # what arrows of its picture tell
 
 
-def parts_of(solution: AssemblySolution) -> ShownParts:
+def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
     """Return the parts as made, after their motions, and what touches then; unmoved where none were found."""
     assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
-    least = NOTHING * assembly.size
+    least = texts.NOTHING * assembly.size
     for part, body in assembly.bodies_made.items():
         made = body.scaled(assembly.scales[part])
         pose: Any = solution.transforms.get(part)
@@ -199,14 +184,14 @@ def parts_of(solution: AssemblySolution) -> ShownParts:
     bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    return ShownParts(bodies, names, ways, touching(solution), assembly.unit)
+    return ShownBodies.of_parts(bodies, names, ways), touching(solution)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions; unmoved where none were found."""
-    parts = parts_of(solution)
+    shown, contacts = parts_of(solution)
     state = f"after these motions; arrows: {ARROWS}" if solution.status.found else "as made, not moved"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
-    if texts := numbered_contacts(parts.contacts):
-        caption += f"\ncontacts: {'; '.join(texts)}"
-    return parts_figure(parts, title=title, caption=caption)
+    if numbered := numbered_contacts(contacts):
+        caption += f"\ncontacts: {'; '.join(numbered)}"
+    return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

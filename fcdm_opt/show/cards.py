@@ -59,11 +59,8 @@ if TYPE_CHECKING:
 Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
 Rows = tuple[Sequence[str], Sequence[Sequence[object]]]
 
-LISTED, CHECKS_SHOWN = 12, 30
-"""Lines of a list or table, and checks of a certificate, that are shown."""
-
-DOTS = 100
-"""Dots per inch of a card's picture."""
+LISTED, CHECKS_SHOWN = 12, 30  # lines of a list or table, and checks of a certificate, that are shown
+DOTS = 100  # dots per inch of a card's picture
 
 
 class Card(NamedTuple):
@@ -292,13 +289,7 @@ def certificate_card(certificate: Certificate) -> Card:
     """Return the card: every check, those that failed first."""
     words = {True: "\u2713 passed", False: "\u2717 failed"}
     lines = [
-        (
-            words[bool(check.passed)],
-            check.name,
-            number(check.value, least=0.0),
-            number(check.limit, least=0.0),
-            check.note,
-        )
+        (words[bool(check.passed)], check.name, *(number(x, least=0.0) for x in (check.value, check.limit)), check.note)
         for check in sorted(certificate.checks, key=lambda check: bool(check.passed))
     ]
     held = len(certificate.checks) - len(certificate.failed)

@@ -9,15 +9,13 @@ import numpy as np
 
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import is_round, round_faces, rows_of_element, told_element
 from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
-DIGITS = 2.0
-"""Times the rounding of both bodies' corners: planes through some of them, looked at where others are."""
+DIGITS = 2.0  # times the rounding of both bodies' corners: planes through some of them, looked at where others are
 CONVEX = ("cylinder", "cone")
 ON_A_FACE = ("V1F2", "F1V2", "E1F2", "F1E2")
 
@@ -34,10 +32,6 @@ def with_whole_faces(problem: Problem, features: Sequence[Feature], transform: A
     return list(dict.fromkeys(found))
 
 
-def _drawn(body: Body) -> Body:
-    return body if body.exact is None else body.exact.facets
-
-
 def _on_a_face(problem: Problem, feature: Feature, transform: Array) -> Feature:
     digits = DIGITS * sum(body.rounding for body in drawn_bodies(problem))
     if feature.kind not in ON_A_FACE or not digits:
@@ -47,11 +41,10 @@ def _on_a_face(problem: Problem, feature: Feature, transform: Array) -> Feature:
         (problem.movable, problem.static), (feature.one, feature.two), problem.target, (transform[:3, :3], np.eye(3)),
         strict=True,
     ):  # fmt: skip
-        drawn, normals = _drawn(body), _drawn(body).face_planes[0] @ turn.T
-        faces = [(row, np.array(drawn.faces[row]) - 1) for row in rows_of_element(body, element)]
-        sides.append(
-            [(Element("F", drawn.faces[row]), normals[row], rho * drawn.vertices[own] @ turn.T) for row, own in faces]
-        )
+        drawn, normals = body.of_facets, body.of_facets.face_planes[0] @ turn.T
+        corners = rho * drawn.vertices @ turn.T
+        faces = [(row, drawn.faces[row]) for row in rows_of_element(body, element)]
+        sides.append([(Element("F", own), normals[row], corners[np.array(own) - 1]) for row, own in faces])
     for (one, normal, corners), (two, other, others) in product(*sides):
         off = min(np.ptp(corners @ other), np.ptp(others @ normal))
         if normal @ other < -np.cos(DEFAULT.sharp) and off <= digits:
@@ -69,7 +62,7 @@ def _along_round_face(problem: Problem, feature: Feature, transform: Array, role
     text, rows = told_element(bodies[1 - role], other), rows_of_element(bodies[1 - role], other)
     if own.kind == "F" or not is_round(text) or not text.startswith(CONVEX):
         return feature
-    labels = {tuple(sorted(_drawn(bodies[1 - role]).faces[row])) for row in rows}
+    labels = {tuple(sorted(bodies[1 - role].of_facets.faces[row])) for row in rows}
     surface = next((each.surface for each in round_faces(bodies[1 - role]) if labels & set(each.faces)), None)
     if surface is None:  # of a body that is exact at points, whose round faces go by other names
         return feature
@@ -84,7 +77,7 @@ def _along_round_face(problem: Problem, feature: Feature, transform: Array, role
     along = away[-1] - away[0]
     place = np.clip(-(away[0] @ along) / max(along @ along, DEFAULT.weld), 0.0, 1.0)
     _, normal = surface.misses((ends[0] + place * (ends[-1] - ends[0]) + surface.origin)[None])
-    drawn = _drawn(bodies[role])
+    drawn = bodies[role].of_facets
     against = [row for row in rows_of_element(bodies[role], own)
                if drawn.face_planes[0][row] @ turn.T @ normal[0] < -np.cos(DEFAULT.sharp)]  # fmt: skip
     lying = Element("F", drawn.faces[against[0]]) if len(against) == 1 else own

@@ -17,23 +17,14 @@ from fcdm_opt.show.verdict import range_texts
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import CoherentRange
 
-CURVES = 5
-"""Curves drawn on either side of the one at rest."""
-
-FINE = 40
-"""Steps on either side in which the swept area and the tracked point's track are drawn."""
-
+CURVES = 5  # curves drawn on either side of the one at rest
+FINE = 40  # steps on either side in which the swept area and the tracked point's track are drawn
 POWERS = -10, 50
 """Of 2, from and to which multiples of a range's natural step are tried for where the tracked point leaves the box."""
 
-DOUBLE = 2.6
-"""Points across a double line."""
-
-SCALES = "\u03c1\u2081", "\u03c1\u2082"
-"""Names of both scales: rho with an index."""
-
-INSIDE = 1.0 - 2.0**-20
-"""Share of a range that is drawn: just at its end the tracked lines may be parallel."""
+DOUBLE = 2.6  # points across a double line
+SCALES = "\u03c1\u2081", "\u03c1\u2082"  # names of both scales: rho with an index
+INSIDE = 1.0 - 2.0**-20  # share of a range that is drawn: just at its end the tracked lines may be parallel
 
 
 @styled

@@ -17,12 +17,9 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
 from fcdm_opt.show.texts import number
 
-LINES = {1: 21, 2: 11, 3: 5}
-"""Values of each size that are listed, of a map over so many; of more 3."""
-UNSURE = 0.1
-"""Of the largest amount: a motion that may be off by more is not told."""
-NOTHING = 1e-5
-"""Of the largest value, what is listed as 0: less than four digits of it tell."""
+LINES = {1: 21, 2: 11, 3: 5}  # values of each size that are listed, of a map over so many; of more 3
+UNSURE = 0.1  # of the largest amount: a motion that may be off by more is not told
+NOTHING = 1e-5  # of the largest value, what is listed as 0: less than four digits of it tell
 
 
 class Grid(NamedTuple):

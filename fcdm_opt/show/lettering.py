@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,23 +18,14 @@ from fcdm_opt.show import DARK, NOTE, TITLE, Figure, new_figure
 SPACING, DESCENT, ASCENT = 1.2, 0.24, 0.76
 """Distance of lines, and how far letters of the font reach below and above the line, in sizes of their text."""
 
-LEADING = (SPACING - DESCENT) / ASCENT
-"""The same distance as matplotlib counts it: to the descent above, in ascents."""
-
-EDGE = 0.08
-"""Inches that words keep from the edge of the page."""
-
+LEADING = (SPACING - DESCENT) / ASCENT  # the same distance as matplotlib counts it: to the descent above, in ascents
+EDGE = 0.08  # inches that words keep from the edge of the page
 DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 70, -70, 110, -110)
 """Where a name may stand: points from what it names, and degrees from the wanted direction; the nearest first."""
 
-LEADER = 12.0
-"""Points from which on a line leads from a name to what it names."""
-
-INDENT = "     "
-"""Of what belongs to the line above it."""
-
-CLEAR = 1.0
-"""Points between a name and anything else."""
+LEADER = 12.0  # points from which on a line leads from a name to what it names
+INDENT = "     "  # of what belongs to the line above it
+CLEAR = 1.0  # points between a name and anything else
 
 
 @dataclass(frozen=True)
@@ -205,21 +197,15 @@ class Names:
     def _free(self, spots: Array, unit: Array, half: Array) -> tuple[Array, Array | None]:
         """Return the point to name and the middle of the first free place, best one clear of lines."""
         low, high = self._axes.bbox.min + half, self._axes.bbox.max - half
-        for strict in (True, False):
-            for distance in DISTANCES:
-                for angle in ANGLES:
-                    turn = np.radians(angle)
-                    way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
-                    # the nearest edge of the name is so far off, whichever way it stands
-                    off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
-                    for spot in spots:
-                        middle = spot + off * way
-                        if not ((middle >= low).all() and (middle <= high).all()):
-                            continue
-                        if self._covers(middle, half):
-                            continue
-                        if not strict or not self._crosses(middle, half):
-                            return spot, middle
+        for strict, distance, turn in product((True, False), DISTANCES, np.radians(ANGLES)):
+            way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
+            # the nearest edge of the name is so far off, whichever way it stands
+            off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
+            for spot in spots:
+                middle = spot + off * way
+                within = bool((middle >= low).all() and (middle <= high).all()) and not self._covers(middle, half)
+                if within and not (strict and self._crosses(middle, half)):
+                    return spot, middle
         return spots[0], None
 
     def _covers(self, middle: Array, half: Array) -> bool:

@@ -35,9 +35,7 @@ WIDTH, MARK = 0.65, 9.0
 MARGIN, BOTTOM, SIDE, GAP = 0.72, 0.38, 2.75, 0.18
 """Where the axes are, in inches from the lower left, how long a side of them all is, and what panels are apart."""
 
-UPRIGHT = 0.4
-"""Inches more below panels: there is no room for their numbers side by side."""
-
+UPRIGHT = 0.4  # inches more below panels: there is no room for their numbers side by side
 HIGHEST, WIDEST, NAMED = 1.18, 1.25, 22
 """How far the axes go, relative to the highest bar and to a share of 1: room for the words there; and letters beside
 bars."""

@@ -16,17 +16,12 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Names, Sheet, clipped
 
-ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)
-"""Where along a segment its name stands, the best place first."""
-
+ALONG = (0.4, 0.6, 0.25, 0.75, 0.5)  # where along a segment its name stands, the best place first
 MARGIN, LEAST_EXTENT = 0.3, 0.05
 """Room around what must be seen, as a share of its extent; the extent is at least this share of rho."""
 
-AROUND = 2.0
-"""How far the wider panel goes, in widths of the other, of problems whose sizes no box of scales tells."""
-
-MOST_NAMED = 200
-"""Segments that are named: of more none could be told from the others."""
+AROUND = 2.0  # how far the wider panel goes, in widths of the other, of problems whose sizes no box of scales tells
+MOST_NAMED = 200  # segments that are named: of more none could be told from the others
 
 
 @styled

@@ -16,17 +16,10 @@ LIGHT = np.array([-0.45, 0.6, 0.66])
 DEEP = 1.9
 """How many times as far from white the colour of a face is that the light does not reach: deeper, as no grey is."""
 
-STEP = 2.0
-"""Pixels between two places of a line that are looked at."""
-
-ROOMY = 0.95
-"""Of the greatest distance to an outline: places so far from it are as good as any."""
-
-GRAZING = 1e-6
-"""A face whose normal is this near the page's plane is a line."""
-
-TINT = 0.62
-"""How much of white is in the colour of a surface."""
+STEP = 2.0  # pixels between two places of a line that are looked at
+ROOMY = 0.95  # of the greatest distance to an outline: places so far from it are as good as any
+GRAZING = 1e-6  # a face whose normal is this near the page's plane is a line
+TINT = 0.62  # how much of white is in the colour of a surface
 
 
 class Raster:

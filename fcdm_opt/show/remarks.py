@@ -54,7 +54,7 @@ def remarks(solution: Solution) -> list[str]:
     if problem.request.get("made") == "worst" and sum(map(bool, problem.made.values())) > 1:
         told.append(GoodNews('made "worst": sizes without a part in the least gap are at that of the next contact'))
     overlaps = not solution.status.found and solution.pair_gap < 0.0
-    if overlaps and answered_exactly(problem) and known_gaps(problem):
+    if overlaps and on_true_faces(problem) and known_gaps(problem):
         depth = measured(number_text(-solution.pair_gap, 4), unit)
         told.append(f"overlapping by {depth} is of the facets; what is said of motions is of the true faces")
     low, high = solution.amount_low, solution.amount_high
@@ -70,11 +70,6 @@ def known_gaps(scene: Scene) -> list[str]:
     """Return how well gaps of a scene's bodies are known, where that is less than the digits of files."""
     first, *others = scene.bodies
     return known_to(first, others, scene.unit)
-
-
-def answered_exactly(scene: Scene) -> bool:
-    """Tell whether answers about a scene's smallest motions are of the faces that its facets stand for."""
-    return on_true_faces(scene)
 
 
 def sizes_as_drawn(scene: Scene) -> list[str]:
@@ -198,7 +193,7 @@ def left_out(solution: Solution) -> list[str]:
         asked=asked_text(problem),
         bodies=problem.bodies,
         deviation_of=deviation_of,
-        exact=answered_exactly(problem),
+        exact=on_true_faces(problem),
         tracking=problem.goal in TRACKING,
         free=[name for name, limits in limited if not any(map(math.isfinite, limits))],
         missing=[f"{total - some} of {total} {noun}" for some, total, noun in kept if total > some],

@@ -15,11 +15,8 @@ from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shown
 
-LONGEST = 160
-"""Characters of a text that a card shows; faces with hundreds of corners have labels of thousands."""
-
-UNMEASURED = (NONE, "impossible")
-"""Texts that stand for a number and take no unit."""
+LONGEST = 160  # characters of a text that a card shows; faces with hundreds of corners have labels of thousands
+UNMEASURED = (NONE, "impossible")  # texts that stand for a number and take no unit
 
 
 def rendered(template: str, **data: Any) -> str:
@@ -56,23 +53,10 @@ def environment() -> Any:
     """Return where templates are found, with the filters that they use; jinja2 is imported here, when one is drawn."""
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-    made = Environment(
-        loader=PackageLoader("fcdm_opt.show"),
-        autoescape=select_autoescape(["html"]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.filters |= {
-        "clean": cleaned,
-        "explained": explained,
-        "in_unit": in_unit,
-        "signed": signed,
-        "numbers": numbers,
-        "paragraphs": paragraphs,
-        "shown": shown,
-        "unbroken": unbroken,
-    }
+    made = Environment(autoescape=select_autoescape(["html"]), trim_blocks=True, lstrip_blocks=True)
+    made.loader, made.undefined = PackageLoader("fcdm_opt.show"), StrictUndefined
+    filters = cleaned, explained, in_unit, numbers, paragraphs, shown, signed, unbroken
+    made.filters |= {own.__name__: own for own in filters}
     made.globals["glossary"] = EXPLAINED
     return made
 

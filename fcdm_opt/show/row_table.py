@@ -16,8 +16,7 @@ MOST, LONGEST, NEAR = 20, 56, 1.0 / 16.0
 """Rows that are listed, letters in a line of a name, and how far apart parts are listed, of the largest of them."""
 
 
-OF_LEAST = ("least gap", "gap >=")
-"""How what is asked begins where of many features none is named."""
+OF_LEAST = ("least gap", "gap >=")  # how what is asked begins where of many features none is named
 
 
 def print_contact_rows(rows: ContactRows) -> None:

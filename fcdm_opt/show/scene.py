@@ -39,9 +39,7 @@ keep from the edge of its area, for arrows."""
 WIDE, LOW = 3.1, 0.36
 """Inches across of a scene in a report: words of it can be read on a phone; below it, where no legend is."""
 
-FINE = 180
-"""Pixels an inch of what is drawn as pixels."""
-
+FINE = 180  # pixels an inch of what is drawn as pixels
 AROUND = 30  # places to each side of a body where the arrow of its motion may stand
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
@@ -54,9 +52,7 @@ MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 fit in one of its lines."""
 
 HEAD = 9.0  # points across an arrow's head
-THIN = 0.7
-"""Points: lines that are drawn thinner are so in the key of a page, too."""
-
+THIN = 0.7  # points: lines that are drawn thinner are so in the key of a page, too
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
 
@@ -87,13 +83,12 @@ where one is known to be round, and how it is turned there."""
 LEAST_SEEN, MOST_LED = 1.5, 16
 """Pixels from the middle of a face to its outline from which on it is seen; numbers in a panel that lines lead to."""
 
-MOST_INSETS, ALIKE = 2, 0.999
-"""Contacts that are magnified; cosine between normals of those that look alike."""
+MOST_INSETS, ALIKE = 2, 0.999  # contacts that are magnified; cosine between normals of those that look alike
 
 
 @styled
 def scene_figure(
-    shown: ShownPair,
+    shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
     moved: ArrayLike | None = None,
@@ -102,16 +97,16 @@ def scene_figure(
     title: str = "",
     caption: str = "",
 ) -> Figure:
-    """Draw both bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
+    """Draw bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
-    Each of the `contacts`, what touches, has an inset that magnifies it. `moved`, (4, 4), is the motion that brought
-    body 1 here, in words beside its arrow where it is `said`: its old place is drawn in dashes, as many times as far
-    off as the legend says. The unit of lengths stands beside the bar of known length.
+    Each of the `contacts` of two bodies, what touches, has an inset that magnifies it. `moved`, (4, 4), is the motion
+    that brought body 1 here, in words beside its arrow where it is `said`: its old place is drawn in dashes, as many
+    times as far off as the legend says. The unit of lengths stands beside the bar of known length.
     """
-    insets = _magnified(contacts)
+    insets = _magnified(shown, contacts)
     beside = INSET + 0.15 if insets else 0.0
-    names = [body.name for body in (*shown.bodies, *shown.keep_out)]
-    rows = 1 + sum(1 + len(name) // LETTERS for name in names) + 2 * bool(contacts) + 2 * (moved is not None)
+    lines = sum(1 + len(label) // LETTERS for *_, label in shown.solids)
+    rows = 1 + lines + 2 * bool(contacts) + 2 * (moved is not None)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
@@ -159,27 +154,24 @@ class ScenePieces(NamedTuple):
 
 @styled
 def scene_pieces(
-    shown: ShownPair, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
+    shown: ShownBodies, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
 ) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    sheet, area = _narrow_sheet(shown)
-    axes = draw_scene(sheet, area, shown, contacts=contacts, moved=moved)
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
+    sheet = Sheet.of(WIDE, height + LOW)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
-    for contact in reversed(_magnified(contacts)):
+    if shown.named is None:
+        facing, _ = section_plane(contacts[0].normal if contacts else np.eye(3)[2], np.zeros(3), page)
+    for contact in reversed(_magnified(shown, contacts)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
         facing = draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit)
         insets.insert(0, part.figure)
-    cut = Cut.through(contacts, shown.bodies, page)[0] if contacts else None
+    cut = Cut.through(contacts, [body for body, *_ in shown.solids], page)[0] if contacts else None
     facing = facing if cut is None else cut.facing
     return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts), facing, shown.view)
-
-
-def _narrow_sheet(shown: ShownPair) -> tuple[Sheet, tuple[float, float, float, float]]:
-    """Return a sheet for a scene in a page, and the area that the scene fills."""
-    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
-    return Sheet.of(WIDE, height + LOW), (0.0, LOW, WIDE, height)
 
 
 def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str], ...]:
@@ -198,10 +190,10 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
-def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts that get an inset, one of those that look alike or are facets of one face."""
+def _magnified(shown: ShownBodies, contacts: Sequence[Touching]) -> list[Touching]:
+    """Return the contacts of two bodies that get an inset, one of those that look alike or are facets of one face."""
     insets: list[Touching] = []
-    for contact in contacts:
+    for contact in contacts if shown.named is not None else ():
         if all(
             abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in insets
         ):
@@ -217,75 +209,13 @@ def _inches_a_length(axes: Any) -> float:
 @styled
 def body_figure(body: Body) -> Figure:
     """Draw one body as drawn, with its seed."""
-    shown = ShownPair((body, body), (), np.vstack([body.vertices, body.seed]), VIEW)
+    shown = ShownBodies([(body, BLUE, body.name)], np.vstack([body.vertices, body.seed]), VIEW)
     height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
     sheet = Sheet.of(ALONE, height)
     axes = _axes_for(sheet, (0.0, 0.0, ALONE, height), shown)
-    _draw_solids(axes, shown, [(body, BLUE, body.name)])
+    _draw_solids(axes, shown)
     axes.scatter(*(body.seed @ page_directions(*VIEW)), s=22, marker="x", color=BLACK, zorder=5)
     return sheet.figure
-
-
-class ShownParts(NamedTuple):
-    """Several bodies where they are, their names, what touches, and the unit of lengths.
-
-    `ways`, (3,) each, tell where each body came from: an arrow of one length points away from there; none where 0, or
-    for bodies beyond these.
-    """
-
-    bodies: Sequence[Body]
-    names: Sequence[str]
-    ways: Sequence[Array] = ()
-    contacts: Sequence[Touching] = ()
-    unit: str = ""
-
-    @property
-    def seen(self) -> ShownPair:
-        """All of them, and the view."""
-        points = np.vstack([np.vstack([body.vertices, body.seed]) for body in self.bodies])
-        return ShownPair((self.bodies[0], self.bodies[1]), (), points, VIEW)
-
-
-@styled
-def parts_figure(parts: ShownParts, *, title: str = "", caption: str = "") -> Figure:
-    """Draw several bodies, each in its colour, with its name in the legend, and what touches."""
-    shown = parts.seen
-    foot = max(FOOT, 0.16 * (sum(1 + len(name) // LETTERS for name in parts.names) + 1 + 2 * bool(parts.contacts)))
-    wide = 0.72 * PAGE
-    height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    sheet = Sheet.of(wide, height + foot, title=title, caption=caption)
-    _add_legend(sheet, _draw_parts(sheet, (0.0, foot, wide, height), parts)[0], foot)
-    return sheet.figure
-
-
-@styled
-def parts_pieces(parts: ShownParts) -> ScenePieces:
-    """Draw what `parts_figure` draws, for a page that has its own words."""
-    sheet, area = _narrow_sheet(parts.seen)
-    axes, cut = _draw_parts(sheet, area, parts)
-    normal = parts.contacts[0].normal if parts.contacts else np.eye(3)[2]
-    facing = section_plane(normal, np.zeros(3), page_directions(*VIEW))[0] if cut is None else cut.facing
-    return ScenePieces(sheet.figure, (), _key(axes, parts.contacts), facing, VIEW)
-
-
-def _draw_parts(sheet: Sheet, area: tuple[float, float, float, float], parts: ShownParts) -> tuple[Any, Cut | None]:
-    """Draw several bodies into an area of a sheet; return its axes, and where they are cut open."""
-    shown = parts.seen
-    axes, page = _axes_for(sheet, area, shown), page_directions(*shown.view)
-    colours = [COLOURS[k % len(COLOURS)] for k in range(len(parts.bodies))]
-    labels = [shortened(name, LONGEST_NAME) for name in parts.names]
-    raster, cut = _draw_solids(axes, shown, list(zip(parts.bodies, colours, labels, strict=True)), parts.contacts)
-    places, arrows = raster.roomiest(), list[Array]()
-    for k, way in enumerate(parts.ways):
-        flat = way @ page
-        if k in places and np.linalg.norm(flat) > 0.0:
-            half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
-            axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
-            arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
-    if parts.contacts:
-        _draw_contacts(axes, page, raster, parts.contacts, cut, arrows)
-    draw_directions(sheet, axes, shown, (0.0, 0.0), parts.unit)
-    return axes, cut
 
 
 def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
@@ -296,24 +226,21 @@ def _add_legend(sheet: Sheet, axes: Any, foot: float) -> None:
     sheet.figure.legend(handles, labels, loc="center left", bbox_to_anchor=(x, y), borderaxespad=0.0, handlelength=2.0)
 
 
-def solid_body(body: Body) -> Body:
-    """Return a body as it is drawn: the one of facets of one that is exact at points of round faces."""
-    return body if body.exact is None else body.exact.facets
-
-
 @dataclass(frozen=True)
-class ShownPair:
+class ShownBodies:
     """Bodies where and as large as they are shown, and the view they are seen from, (elevation, azimuth) in degrees.
 
-    `bodies`, movable and static, are as they are drawn, see `solid_body`; `named` are those whose elements features
-    name. `keep_out` are those near enough to be shown, and `points`, (n, 3), what must be on the page.
+    `solids` are each body as drawn, see `Body.of_facets`, its colour, and what the key calls it: the movable one, the
+    static one, and keep-outs near enough to be shown; or the parts of an assembly. `points`, (n, 3), are what must be
+    on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (3,) each, tell where
+    parts came from: an arrow of one length points away from there; none where 0, or for bodies beyond these.
     """
 
-    bodies: tuple[Body, Body]
-    keep_out: tuple[Body, ...]
+    solids: Sequence[tuple[Body, str, str]]
     points: Array
     view: tuple[float, float]
     named: tuple[Body, Body] | None = None
+    moves: Sequence[Array] = ()
 
     @classmethod
     def of(
@@ -325,8 +252,8 @@ class ShownPair:
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
         view: tuple[float, float] | None = None,
-    ) -> ShownPair:
-        """Return the bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
+    ) -> ShownBodies:
+        """Return two bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
 
         Bodies are given as drawn; `rho`, (2,), are the scales at which they are shown, `transform`, (4, 4), is a rigid
         motion of body 1. Further static bodies, `keep_out`, are shown as they are; those far away are left out.
@@ -335,7 +262,7 @@ class ShownPair:
         placed = np.eye(4) if transform is None else transform
         named, (one, two) = (
             (first.scaled(float(sizes[0])).moved(placed), second.scaled(float(sizes[1])))
-            for first, second in ((movable, static), (solid_body(movable), solid_body(static)))
+            for first, second in ((movable, static), (movable.of_facets, static.of_facets))
         )
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
         view = view or _best_view(one, two, np.empty((0, 3)))
@@ -343,7 +270,22 @@ class ShownPair:
         low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
-        return cls((one, two), tuple(near), points, view, named)
+        roles = (one, BLUE, "movable"), (two, VERMILLION, "static"), *((body, GREY, "keep-out") for body in near)
+        solids = [(body, colour, f"{role}: {shortened(body.name, LONGEST_NAME)}") for body, colour, role in roles]
+        return cls(solids, points, view, named)
+
+    @classmethod
+    def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array] = ()) -> ShownBodies:
+        """Return several bodies where they are, each in a colour of its own."""
+        points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
+        colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
+        labels = [shortened(name, LONGEST_NAME) for name in names]
+        return cls(list(zip(bodies, colours, labels, strict=True)), points, VIEW, moves=moves)
+
+    @property
+    def bodies(self) -> tuple[Body, Body]:
+        """The first two."""
+        return self.solids[0][0], self.solids[1][0]
 
     def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
         """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
@@ -379,7 +321,7 @@ class ShownPair:
 def draw_scene(
     sheet: Sheet,
     area: tuple[float, float, float, float],
-    shown: ShownPair,
+    shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
     moved: ArrayLike | None = None,
@@ -389,38 +331,36 @@ def draw_scene(
 
     Parameters are those of `scene_figure`.
     """
-    page, (one, two) = page_directions(*shown.view), shown.bodies
+    page, arrows = page_directions(*shown.view), list[Array]()
     old, times = shown.before(moved) if moved is not None else (None, 1.0)
     axes = _axes_for(sheet, area, shown, () if old is None else old.vertices)
-    named = [
-        (one, BLUE, f"movable: {shortened(one.name, LONGEST_NAME)}"),
-        (two, VERMILLION, f"static: {shortened(two.name, LONGEST_NAME)}"),
-        *((body, GREY, f"keep-out: {shortened(body.name, LONGEST_NAME)}") for body in shown.keep_out),
-    ]
-    raster, cut = _draw_solids(axes, shown, named, contacts)
+    raster, cut = _draw_solids(axes, shown, contacts)
+    places = raster.roomiest() if len(shown.moves) else {}
+    for k, way in enumerate(shown.moves):
+        flat = way @ page
+        if k in places and np.linalg.norm(flat) > 0.0:
+            half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
+            axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
+            arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
     if old is not None:
         place, dashes = _draw_old(axes, raster, shown, old, times, cut)
         arrow = _draw_arrow(axes, [raster, place], shown, old, said)
-        _name_old(axes, raster, dashes, (old.vertices - one.vertices) @ page, arrow)
+        _name_old(axes, raster, dashes, (old.vertices - shown.bodies[0].vertices) @ page, arrow)
     if contacts:
-        _draw_contacts(axes, page, raster, contacts, cut)
+        _draw_contacts(axes, page, raster, contacts, cut, arrows)
     return axes
 
 
 def draw_numbered(
-    sheet: Sheet,
-    area: tuple[float, float, float, float],
-    shown: ShownPair,
-    colour: str,
-    numbers: Mapping[tuple[int, ...], str],
+    sheet: Sheet, area: tuple[float, float, float, float], shown: ShownBodies, numbers: Mapping[tuple[int, ...], str]
 ) -> tuple[Any, set[str]]:
-    """Draw a body shaded into an area of a sheet, with numbers at its faces; return its axes, and those with room.
+    """Draw the first body into an area of a sheet, with numbers at its faces; return its axes, and those with room.
 
     `numbers`: of each face of the body; faces that have one in common get it once.
     """
-    body, page = shown.bodies[0], page_directions(*shown.view)
+    (body, colour, _), page = shown.solids[0], page_directions(*shown.view)
     axes = _axes_for(sheet, area, shown)
-    raster, _ = _draw_solids(axes, shown, [(body, colour, "")])
+    raster, _ = _draw_solids(axes, shown)
     every = [*dict.fromkeys(numbers.values())]
     faces = raster.empty()
     for face, number in numbers.items():
@@ -437,9 +377,7 @@ def draw_numbered(
     return axes, written
 
 
-def _draw_solids(
-    axes: Any, shown: ShownPair, bodies: Sequence[tuple[Body, str, str]], contacts: Sequence[Touching] = ()
-) -> tuple[Raster, Cut | None]:
+def _draw_solids(axes: Any, shown: ShownBodies, contacts: Sequence[Touching] = ()) -> tuple[Raster, Cut | None]:
     """Draw bodies shaded, with the edges that can be seen, cut open where they would hide what touches.
 
     Returns the picture, to ask what is hidden, and where the bodies are cut.
@@ -447,6 +385,7 @@ def _draw_solids(
     from matplotlib.collections import LineCollection
 
     page, ((left, right), (bottom, top)) = page_directions(*shown.view), (axes.get_xlim(), axes.get_ylim())
+    bodies = shown.solids
     inches = axes.get_position().width * axes.figure.get_figwidth()
     raster = Raster(page, np.array([left, bottom]), np.array([right, top]), int(FINE * inches))
     toward = np.cross(page[:, 0], page[:, 1])
@@ -489,7 +428,7 @@ def _cut_open(body: Body, cut: Cut | None, toward: Array | None = None) -> tuple
 
 
 def _draw_old(
-    axes: Any, raster: Raster, shown: ShownPair, old: Body, times: float, cut: Cut | None
+    axes: Any, raster: Raster, shown: ShownBodies, old: Body, times: float, cut: Cut | None
 ) -> tuple[Raster, Sequence[Array]]:
     """Draw the old place of body 1 in dashes, where it does not hide them itself; return where it is, and these."""
     from matplotlib.collections import LineCollection
@@ -538,7 +477,7 @@ def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
     return [np.array(line) for line in lines.values()]
 
 
-def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body, said: str) -> Array:
+def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Body, said: str) -> Array:
     """Draw the motion as an arrow beside body 1, clear of all that is drawn, and say it in words above them.
 
     Returns points along it.
@@ -565,8 +504,7 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownPair, old: Body,
     clear = (line for line in every if all(own.free(line + shift) for own in drawn for shift in aside))
     middle = (within or places)[0]
     start, tip = next(clear, np.array([middle - half, middle + half]))
-    head = "-|>,head_width=0.28,head_length=0.55"
-    style = {"arrowstyle": head, "color": BLUE, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
+    style = {**MOVES, "color": BLUE, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     if float(np.ptp(steps, axis=0).max()) > 0.2 * lengths[far]:
         arms = here - here.mean(axis=0)
         turn = float((arms[:, 0] * steps[:, 1] - arms[:, 1] * steps[:, 0]).sum())
@@ -664,8 +602,6 @@ def _sharp(body: Body, points: Array, triangles: Ints, looks: Array, toward: Arr
 
 def own_polygons(body: Body) -> list[Array]:
     """Return convex polygons that make up the body's own faces, (k, 3) each; not those of cuts."""
-    if len(body.parts) == 1 and not body.triangles:
-        return [body.parts[0].vertices[list(loop)] for loop in body.parts[0].loops]
     points, triangles = surface_of(body)
     return list(points[triangles])
 
@@ -680,7 +616,7 @@ def face_polygons(body: Body, face: Element) -> list[Array]:
     return [part.vertices[list(loop)] for part in body.parts for loop in part.carriers(face)]
 
 
-def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[float, float], unit: str = "") -> None:
+def draw_directions(sheet: Sheet, axes: Any, shown: ShownBodies, corner: tuple[float, float], unit: str = "") -> None:
     """Draw the world's directions at a corner of a sheet (inches), and beside them a bar of known length."""
     x, y, *_ = sheet.place(*corner, 0.0, 0.0)
     start = np.array([x, y]) * 72.0 * sheet.figure.get_size_inches() + [24.0, 20.0]
@@ -697,8 +633,7 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownPair, corner: tuple[flo
                 tip = tip + direction / length
             letters.append(tip)
             axes.annotate(name, tip, ha="center", va="center", **small)
-    (here, _), (there, _) = axes.transData.transform([(0.0, 0.0), (1.0, 0.0)])
-    scale = float(there - here) * 72.0 / sheet.figure.dpi  # points a unit of length
+    scale = 72.0 * _inches_a_length(axes)  # points a unit of length
     length = rounded_down(LONGEST_BAR / scale)
     left = start + np.array([24.0, -12.0])
     reach = np.array([length * scale, 0.0])
@@ -720,7 +655,7 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 
 
 def contacts_of(
-    curve: DecisionCurve, rho: ArrayLike, shown: ShownPair, counted: Sequence[Feature] = ()
+    curve: DecisionCurve, rho: ArrayLike, shown: ShownBodies, counted: Sequence[Feature] = ()
 ) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once.
 
@@ -865,7 +800,7 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
     return max(views, key=objective)
 
 
-def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownPair, more: ArrayLike = ()) -> Any:
+def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownBodies, more: ArrayLike = ()) -> Any:
     """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
     points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
     flat = points @ page_directions(*shown.view)

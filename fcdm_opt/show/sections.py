@@ -23,12 +23,8 @@ from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
 from fcdm_opt.show.lettering import Sheet, clipped, rounded_down
 from fcdm_opt.tolerances import DEFAULT
 
-INSET = 1.55
-"""Inches across of an inset."""
-
-CORNER = 0.8
-"""Of half an inset: the bar of known length, and its label, are at most so long."""
-
+INSET = 1.55  # inches across of an inset
+CORNER = 0.8  # of half an inset: the bar of known length, and its label, are at most so long
 STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
 """Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
 nowhere; at most this share."""
@@ -36,9 +32,7 @@ nowhere; at most this share."""
 ALONG_AXIS, LEVEL = 1.0 - 1e-6, 0.9
 """Component of a direction along an axis of the world from which on it is that axis; along z, of a level section."""
 
-SLIVER = 0.15
-"""Share of a body's extent that a cut leaves at least."""
-
+SLIVER = 0.15  # share of a body's extent that a cut leaves at least
 ON_CURVE, ROUNDED = 12, 4.0
 """Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
 what facets leave of round faces stay where they are."""
@@ -94,17 +88,12 @@ class Touching(NamedTuple):
     def of(cls, feature: Feature, pieces: Sequence[Array], movable: Body, static: Body) -> Touching:
         """Return a contact of bodies as they are shown."""
         pieces = tuple(pieces)
-        if len(corners := pieces[0]) > 2:
-            return cls(pieces, np.linalg.svd(corners - corners.mean(axis=0))[2][2])
-        for body, element in ((movable, feature.one), (static, feature.two)):
-            if element.kind == "F":
-                points = body.vertices[np.array(element.vertices) - 1]
-                return cls(pieces, np.linalg.svd(points - points.mean(axis=0))[2][2])
-        ends = [
-            np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)[0]
-            for body, element in ((movable, feature.one), (static, feature.two))
-            if element.kind == "E"
-        ]
+        both = (movable, feature.one), (static, feature.two)
+        sides = [(element.kind, body.vertices[np.array(element.vertices) - 1]) for body, element in both]
+        flat = [*pieces[: len(pieces[0]) > 2], *(own for kind, own in sides if kind == "F")]
+        if flat:
+            return cls(pieces, np.linalg.svd(flat[0] - flat[0].mean(axis=0))[2][2])
+        ends = [np.diff(own, axis=0)[0] for kind, own in sides if kind == "E"]
         across = np.cross(*ends) if len(ends) == 2 else np.zeros(3)
         if not np.linalg.norm(across) > 1e-9 * movable.size * static.size:
             across = static.seed - movable.seed
@@ -117,7 +106,7 @@ def touching(curve: DecisionCurve, rho: ArrayLike) -> list[tuple[Contact, Array]
     A cylinder that is exact at a point of a plane touches it all along.
     """
     bodies = curve.movable, curve.static
-    faces = [true_faces(body if body.exact is None else body.exact.facets) for body in bodies]
+    faces = [true_faces(body.of_facets) for body in bodies]
     found = list[tuple[Contact, Array]]()
     for contact, corners in curve.touching(rho):
         sides = zip(bodies, (contact.feature.one, contact.feature.two), strict=True)

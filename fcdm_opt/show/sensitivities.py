@@ -23,9 +23,7 @@ from fcdm_opt.show.verdict import name_of
 STEP = 0.01
 """Relative step of every datum: 1 %; of lengths and angles a round number that is no more, see `rounded_down`."""
 
-NEGLIGIBLE = 1e-9
-"""Of the largest bar: smaller ones are rounding, and left out."""
-
+NEGLIGIBLE = 1e-9  # of the largest bar: smaller ones are rounding, and left out
 SHIFTED, MOVED = "planes of faces, shifted outwards", "corners and seeds, moved in the direction that costs most"
 """What is done to data of the bodies' shape."""
 
@@ -33,9 +31,7 @@ BY_NAME = NAMED, HALF = "sizes by name", "sizes by name, each by half its tolera
 WHOLE = OVERALL, TOLERANCES = "overall sizes as made, all else as it is", "tolerances, shares of the size"
 """What is done to sizes: those by name that have a tolerance have a step of their own each."""
 
-MOST, LEAST = 16, 4
-"""Bars of a picture; at least so many of them of the bodies' shape."""
-
+MOST, LEAST = 16, 4  # bars of a picture; at least so many of them of the bodies' shape
 NAMES, STEPS, BELOW, ROW = 2.15, 0.65, 0.42, 0.165
 """Inches for the names of the bars, for their steps, for the axis below, and for a bar."""
 

@@ -20,8 +20,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Effort, Solution, Status
 from fcdm_opt.solver import solve
 
-FITTED = 6000
-"""Looks at the time while the tolerance at which parts fit is sought for; of large meshes it takes longer."""
+FITTED = 6000  # looks at the time while the tolerance at which parts fit is sought for; of large meshes it takes longer
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
 from fcdm_opt.show.lettering import Sheet, literal
 from fcdm_opt.show.printing import print_rows, print_text, wrapped
-from fcdm_opt.show.scene import COLOURS, ShownPair, draw_directions, draw_numbered
+from fcdm_opt.show.scene import COLOURS, ShownBodies, draw_directions, draw_numbered
 from fcdm_opt.show.texts import numbers, shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -100,7 +100,8 @@ def print_faces(body: Body, role: str) -> None:
         for row in own_rows
     }
     listed = [{**own._asdict(), "name": tori.get(own.vertices, own.name)} for own in listed_faces(body)]
-    for name, own in groupby(sorted(listed, key=_place), key=lambda face: face["name"]):
+    listed.sort(key=lambda own: (1, own["name"]) if " radius " in own["name"] else (0, f"{int(own['face'][1:]):9}"))
+    for name, own in groupby(listed, key=lambda face: face["name"]):  # facets of a round face after the plane faces
         face, *others = own
         if others:
             area = sum(one["area"] or 0.0 for one in (face, *others))
@@ -132,11 +133,6 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
         way = "" if ball else f"axis {direction(axis).removeprefix('+')}"
         found |= dict.fromkeys(own.faces, (way, f"centre ({numbers(centre.tolist())})"))
     return found
-
-
-def _place(face: dict[str, Any]) -> tuple[int, str]:
-    """Return where a face is listed: facets of a cylinder side by side, after the plane faces."""
-    return (1, face["name"]) if " radius " in face["name"] else (0, f"{int(face['face'][1:]):9}")
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
@@ -417,10 +413,12 @@ def _faces_sheet(
     problem: Scene, sides: Sequence[Mapping[tuple[float, float], str]], title: str
 ) -> tuple[Sheet, list[list[int]]]:
     """Return a sheet with each body from its sides, two a line, and which numbers of each have no place on it."""
-    bodies, colours = [*problem.drawn.values()], {"movable": BLUE, "static": VERMILLION}
-    wide, numbers, rows = PAGE / 2.0, [_numbers(body) for body in bodies], []
-    for k, body in enumerate(bodies):
-        shown = [(k, ShownPair((body, body), (), body.vertices, view), side) for view, side in sides[k].items()]
+    bodies, wide = [*problem.drawn.values()], PAGE / 2.0
+    numbers, rows = [_numbers(body) for body in bodies], []
+    for k, (role, body) in enumerate(problem.drawn.items()):
+        colour = {"movable": BLUE, "static": VERMILLION}.get(role, COLOURS[k % len(COLOURS)])
+        drawn = [(body, colour, "")]
+        shown = [(k, ShownBodies(drawn, body.vertices, view), side) for view, side in sides[k].items()]
         rows += [shown[first : first + 2] for first in range(0, len(shown), 2)]
     heights = [float(np.clip(max(own.slenderness for _, own, _ in row) * wide, *HEIGHTS)) + HEAD for row in rows]
     sheet, seen = Sheet.of(PAGE, sum(heights) + FOOT, title=title), [set[str]() for _ in bodies]
@@ -431,7 +429,7 @@ def _faces_sheet(
             area = (column * wide + SIDE, low, wide - SIDE, high - HEAD)
             role = [*problem.drawn][k]
             name = ": ".join(dict.fromkeys((role, shortened(bodies[k].name, NAME))))
-            axes, numbered = draw_numbered(sheet, area, own, colours.get(role, COLOURS[k % len(COLOURS)]), numbers[k])
+            axes, numbered = draw_numbered(sheet, area, own, numbers[k])
             seen[k] |= numbered
             axes.set_title(literal(f"{name}, {side}"), pad=2.0)
             draw_directions(sheet, axes, own, (area[0] - SIDE, area[1]), problem.unit)

@@ -22,9 +22,7 @@ COLOURS, DASHES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, BLACK), ("-", "--", 
 SPOTS, GAPS = ".od^sv<", "xv^s*PD"
 """Markers of points with a usable motion, one a line, and of those without, one a status."""
 
-UNITS = {"deg": "degrees", "rad": "radians", "mm": "mm"}
-"""Units that stand at the end of a key, and how they are told."""
-
+UNITS = {"deg": "degrees", "rad": "radians", "mm": "mm"}  # units that stand at the end of a key, and how they are told
 PLAIN_NUMBERS = {"tolerance": "relative; 0.01 = 1 %", "target": "scale; 1 = as drawn", "nominal": "scale; 1 = as drawn"}
 """Keys of numbers without unit, and what these are."""
 

@@ -12,27 +12,10 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.fit import mismatched
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.show import texts
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
-from fcdm_opt.show.texts import (
-    DIGITS,
-    PLACES,
-    advised,
-    amount_text,
-    asked_text,
-    bound_line,
-    bound_text,
-    goal_text,
-    listed,
-    motion_text,
-    outcome_text,
-    seen_amount,
-    share_text,
-    steps_text,
-    telling,
-    units_text,
-)
 from fcdm_opt.show.verdict import (
     contact_text,
     fit_text,
@@ -49,7 +32,7 @@ if TYPE_CHECKING:
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.fixed_pose.clearances import Clearances
-    from fcdm_opt.design.whatif.budget import Budget, Budgets
+    from fcdm_opt.design.whatif.budget import Budgets
     from fcdm_opt.design.whatif.compare import Comparison
     from fcdm_opt.design.whatif.drop import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
@@ -142,7 +125,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
-            notes = [f"{advised(row)}{failed_text(solution)}", *notes]
+            notes = [f"{texts.advised(row)}{failed_text(solution)}", *notes]
         if cause := solution.left_by_mesh.partition(": ")[2]:  # the same of many cases
             notes.append(f"what true parts need is left open: {cause}")
         for text in notes:
@@ -167,21 +150,21 @@ def _cells(row: SolvedCase) -> dict[str, str]:
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
     gap = solution.pair_gap
-    off = f"\n{gap:+.{DIGITS}g}" if math.isfinite(gap) and solution.pair_state != "touching" else ""
+    off = f"\n{gap:+.{texts.DIGITS}g}" if math.isfinite(gap) and solution.pair_state != "touching" else ""
     judged = solution.status.found and solution.certificate is not None
-    motion = motion_text(solution, unit=False)  # said once above the table
+    motion = texts.motion_text(solution, unit=False)  # said once above the table
     return {
         "case": wrapped(problem.name, CELL_WIDTH),
-        "asked": wrapped(asked_text(problem), CELL_WIDTH),
-        "goal": goal_text(problem).replace(" by ", "\nby "),
+        "asked": wrapped(texts.asked_text(problem), CELL_WIDTH),
+        "goal": texts.goal_text(problem).replace(" by ", "\nby "),
         "motion found": motion.replace(" + ", " +\n").replace(", ", ",\n").replace("Screw ", "Screw\n"),
-        "published\namount": "" if row.published_amount is None else amount_text(row.published_amount),
-        "found\namount": amount_text(seen_amount(solution))
+        "published\namount": "" if row.published_amount is None else texts.amount_text(row.published_amount),
+        "found\namount": texts.amount_text(texts.seen_amount(solution))
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
-        "proved\nat least": bound_text(solution),
-        "new/old\nsizes": "\n".join(f"{x:.{PLACES}g}" for x in ratio) or "-",
+        "proved\nat least": texts.bound_text(solution),
+        "new/old\nsizes": "\n".join(f"{x:.{texts.PLACES}g}" for x in ratio) or "-",
         "pair made": "-" if solution.status.name == "OUTSIDE_FIT" else solution.pair_state + off,
-        'least\n"touch"': amount_text(row.touch_amount) if problem.goal == "beyond" else "",
+        'least\n"touch"': texts.amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
     }
 
@@ -215,15 +198,17 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
                 ends.append("a condition touches zero at rest: what is near there is not proved")
             asked = problem if isinstance(times, str) else cast("Problem", times.problem)
             if opening := [name for name, x in (asked.made or {}).items() if x != (problem.made or {}).get(name, 0.0)]:
-                ends.append(f"followed with {listed(opening)} as drawn: as made there is no such contact at rest")
+                ends.append(f"followed with {texts.listed(opening)} as drawn: as made there is no such contact at rest")
         else:
             assert not isinstance(times, str)
             problem, direction, ends = cast("Problem", times.problem), times.direction, []
             head = no_contact_text(problem)
-            steps = ((steps_text(problem, (touch.x * direction).tolist()), touch.features) for touch in times.touches)
+            steps = (
+                (texts.steps_text(problem, (touch.x * direction).tolist()), touch.features) for touch in times.touches
+            )
             at_contact = [f"at {at}, {contact_text(problem, features)}" for at, features in steps]
         print_text(f"{problem.name}: {head}", indent="   ")
-        scales = " and ".join(f"{x:.{PLACES}g}" for x in problem.target.tolist())
+        scales = " and ".join(f"{x:.{texts.PLACES}g}" for x in problem.target.tolist())
         resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
         made = f"the parts made{resized}, moved along this"
         if isinstance(times, str):
@@ -233,7 +218,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]
                 name = key if key == made or " - " in key else f"keep-out {key}"
                 states = [(span, times.state_text(key, span)) for span in spans]
                 ends.append(f"{name}: {_spans(problem, direction, states)}")
-            low, high = (steps_text(problem, (x * direction).tolist()) for x in times.searched)
+            low, high = (texts.steps_text(problem, (x * direction).tolist()) for x in times.searched)
             beyond = f"searched from {low} to {high}: what is beyond is not known"
             ends += [beyond] * all(map(math.isfinite, times.searched))
         for text in (*ends, *at_contact):
@@ -245,21 +230,21 @@ def _spans(problem: Problem, direction: Array, spans: Sequence[tuple[StateSpan, 
     """Return how the parts made lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
     far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
     seen = [(span, state) for span, state in spans if span.high > -far and span.low < far] or list(spans)
-    places = [telling(problem, (span.high * direction).tolist()) for span, _ in seen[:-1]]
-    ends = [f" up to {steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
+    places = [texts.telling(problem, (span.high * direction).tolist()) for span, _ in seen[:-1]]
+    ends = [f" up to {texts.steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
     text = ", ".join(f"{state}{end}" for (_, state), end in zip(seen, ends, strict=True))
     return f"{text} {'beyond' if len(seen) > 1 else 'all along'}"
 
 
 def _question_text(scene: Scene) -> str:
-    return asked_text(scene) + (f", goal {goal_text(scene)}" if isinstance(scene, Problem) else "")
+    return texts.asked_text(scene) + (f", goal {texts.goal_text(scene)}" if isinstance(scene, Problem) else "")
 
 
 def print_case(file: str, problem: Scene) -> None:
     """Print which case is asked about, and once what its numbers are in."""
     console().print(f"{file}: {problem.name} ({_question_text(problem)})", style="bold")
     if problem.unit:
-        console().print(units_text(problem.unit))
+        console().print(texts.units_text(problem.unit))
 
 
 def print_said(result: Any) -> None:
@@ -275,7 +260,7 @@ def _value_text(value: Any) -> str:
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
-    predicted = amount_text(answer.predicted_amount)
+    predicted = texts.amount_text(answer.predicted_amount)
     rows.append({**dict.fromkeys(rows[0], ""), "": "predicted", "amount": predicted})
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
@@ -300,13 +285,13 @@ def print_budgets(budgets: Budgets) -> None:
     console().print(f"Largest tolerance such that it and all smaller ones can be made good within {limit}:")
     rows = [
         {
-            "requirement": budget.requirement,
-            "tolerance": budget.tolerance_text(DIGITS),
-            "amount there": amount_text(budget.amount),
-            "above it": budget.end.value,
-            "smaller ones": _smaller(budget),
+            "requirement": one.requirement,
+            "tolerance": one.tolerance_text(texts.DIGITS),
+            "amount there": texts.amount_text(one.amount),
+            "above it": one.end.value,
+            "smaller ones": "-" if not one.tolerance else "proved" if one.proved else f"sampled, {one.points} points",
         }
-        for budget in budgets.values()
+        for one in budgets.values()
     ]
     reasons: dict[str, list[str]] = {}
     for budget in budgets.values():
@@ -314,7 +299,7 @@ def print_budgets(budgets: Budgets) -> None:
             reasons.setdefault(budget.reason, []).append(budget.requirement)
     notes = []
     for one in budgets.values():
-        sizes = one.sizes_text(DIGITS) if one.tolerance else ""
+        sizes = one.sizes_text(texts.DIGITS) if one.tolerance else ""
         if text := ", within ".join(filter(None, (one.corner, sizes))):
             notes.append(f"{one.requirement}: {text}")
     notes += [budgets.open_text] * bool(budgets.open_text)
@@ -328,15 +313,10 @@ def print_budgets(budgets: Budgets) -> None:
     print_rows(rows, numbers=("tolerance", "amount there"), notes=notes)
 
 
-def _smaller(budget: Budget) -> str:
-    """Return how it is known that smaller tolerances are good, where there are any."""
-    return "-" if not budget.tolerance else "proved" if budget.proved else f"sampled, {budget.points} points"
-
-
 def print_costs(costs: Costs) -> None:
     """Print what each constraint costs."""
-    amount = amount_text(costs.solution.amount, costs.solution.amount_unit)
-    console().print(f"as asked: amount {amount}, {motion_text(costs.solution)}")
+    amount = texts.amount_text(costs.solution.amount, costs.solution.amount_unit)
+    console().print(f"as asked: amount {amount}, {texts.motion_text(costs.solution)}")
     rows = [_dropped("drop", row) for row in costs.rows] + [_dropped("ask for", row) for row in costs.goals]
     if not rows:
         print_lines(["Nothing to drop: no constraint but the goal itself."])
@@ -353,11 +333,11 @@ def print_comparison(comparison: Comparison) -> None:
     rows = [
         {
             "family": row.name,
-            "amount": amount_text(row.amount),
-            "proved at least": "" if row.solution is None else bound_line(row.solution),
-            "motion": "-" if row.solution is None else motion_text(row.solution, unit=False),
+            "amount": texts.amount_text(row.amount),
+            "proved at least": "" if row.solution is None else texts.bound_line(row.solution),
+            "motion": "-" if row.solution is None else texts.motion_text(row.solution, unit=False),
             "pair made": getattr(row.solution, "pair_state", "") if row.solution and row.solution.status.found else "",
-            "outcome": "the question does not hold" if row.solution is None else outcome_text(row.solution),
+            "outcome": "the question does not hold" if row.solution is None else texts.outcome_text(row.solution),
         }
         for row in comparison.table
     ]
@@ -374,7 +354,7 @@ def print_yield(result: AssemblyYield) -> None:
             "size": share.body,
             "of the amount's variance alone": "-" if math.isnan(share.first_order) else f"{share.first_order:.2%}",
             others: "-" if math.isnan(share.total) else f"{share.total:.2%}",
-            "yield without its scatter": share_text(share.share_without, 3),
+            "yield without its scatter": texts.share_text(share.share_without, 3),
         }
         for share in result.contributions
     ]
@@ -399,7 +379,7 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
     rows = [
         {
             "end": name,
-            "gap": f"{end.gap:+.{DIGITS}g}",
+            "gap": f"{end.gap:+.{texts.DIGITS}g}",
             "at sizes": wrapped(end.sizes_text, 3 * CELL_WIDTH),
             "between": wrapped(end.between or labels_in_words(end.feature, problem), 3 * CELL_WIDTH),
         }
@@ -412,10 +392,10 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
         "asked": _question_text(solution.question),
-        "amount": amount_text(seen_amount(solution)),
-        "motion": motion_text(solution, unit=False),
+        "amount": texts.amount_text(texts.seen_amount(solution)),
+        "motion": texts.motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),
-        "outcome": "does not fit" if mismatched(solution.question) else outcome_text(solution),
+        "outcome": "does not fit" if mismatched(solution.question) else texts.outcome_text(solution),
     }
 
 
@@ -423,8 +403,8 @@ def _dropped(word: str, row: Dropped) -> dict[str, str]:
     nothing = row.saving == 0.0
     return {
         "change": wrapped(f"{word} {row.name}", 3 * CELL_WIDTH),
-        "least amount then": amount_text(row.amount),
-        "saved": "nothing" if nothing else f"{row.saving:.{DIGITS}g}" if math.isfinite(row.saving) else "",
-        "predicted": f"{row.estimate:.{DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
-        "outcome": "verified" if math.isfinite(row.amount) else outcome_text(row.solution),
+        "least amount then": texts.amount_text(row.amount),
+        "saved": "nothing" if nothing else f"{row.saving:.{texts.DIGITS}g}" if math.isfinite(row.saving) else "",
+        "predicted": f"{row.estimate:.{texts.DIGITS}g}" if math.isfinite(row.estimate) and not nothing else "",
+        "outcome": "verified" if math.isfinite(row.amount) else texts.outcome_text(row.solution),
     }

@@ -21,15 +21,9 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Bounded
     from fcdm_opt.show.solved import SolvedCase
 
-DIGITS = 4
-"""Significant digits of what people read; all of them are in JSON."""
-
-PLACES = 6
-"""Those of coordinates and sizes as shares of those drawn, which differ by little from one another."""
-
-NONE = "\u2013"
-"""An en dash, where a page has no value."""
-
+DIGITS = 4  # significant digits of what people read; all of them are in JSON
+PLACES = 6  # those of coordinates and sizes as shares of those drawn, which differ by little from one another
+NONE = "\u2013"  # an en dash, where a page has no value
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
 ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn
@@ -38,17 +32,16 @@ UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in wo
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
-MOST_SIZES = 4
-"""Sizes by name that are told in a line."""
+MOST_SIZES = 4  # sizes by name that are told in a line
 
 
 def number(value: float | None, digits: int = DIGITS, least: float = NOISE) -> str:
     """Return a number, 0 up to `least`; a dash for nan and None."""
     if value is None or math.isnan(value):
         return "-"
-    return (
-        number_text(float(value), digits, least) if math.isfinite(value) else "infinite" if value > 0 else "-infinite"
-    )
+    if math.isinf(value):
+        return "infinite" if value > 0 else "-infinite"
+    return number_text(float(value), digits, least)
 
 
 def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:

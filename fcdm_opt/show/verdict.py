@@ -16,26 +16,8 @@ from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.show import texts
 from fcdm_opt.show.contact_faces import with_whole_faces
-from fcdm_opt.show.texts import (
-    CLOSED,
-    DIGITS,
-    NEAR,
-    NOTHING,
-    amount_text,
-    asked_text,
-    bound_line,
-    counted,
-    goal_text,
-    listed,
-    motion_text,
-    number,
-    outcome_text,
-    seen_amount,
-    shortened,
-    steps_text,
-    telling,
-)
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
@@ -47,12 +29,8 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Solution
 
-CONTACTS, NAME = 3, 72
-"""Contacts that are told one by one where there are no more, and letters of a body's name."""
-
-EXACT = 1e-3
-"""Relative gap below which a bound is told as the amount: to the digits that are shown it is."""
-
+CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
+EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
     "LEFT_COHERENT_RANGE": "no motion found that keeps the intended contact all the way",
@@ -90,7 +68,7 @@ def _refused_text(solution: Solution) -> str:
         barred = barring(problem)
         asked = problem.goal == "clear" and problem.clearance > 0.0
         more = _without_clearance(problem, barred) if asked else ""
-        through = listed(gone_through(solution))
+        through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         return more or f"does not fit: the only motion found {where}" + f"; {barred}" * bool(barred)
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
@@ -115,7 +93,7 @@ def barring(scene: Scene) -> str:
     others = {own.name: [other for other in every if other is not own] for own in every if len(every) > 1}
     single = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
     names = [f"keep-out {name}" for name in single or [own.name for own in every]]
-    return f"in the way: {' or '.join(names) if single else listed(names)}, without which there is a motion"
+    return f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
 
 
 def _without_clearance(problem: Problem, barred: str) -> str:
@@ -133,14 +111,14 @@ def answer_text(solution: Solution) -> str:
     """Return the verdict of a case, and below it what its table row says: all that `print` shows of a solution."""
     problem = solution.problem
     head = f"{problem.name}: " * bool(problem.name)
-    row = f"{asked_text(problem)}, goal {goal_text(problem)}"
+    row = f"{texts.asked_text(problem)}, goal {texts.goal_text(problem)}"
     if solution.status.found and solution.status.name != "OUTSIDE_FIT":
-        amount = amount_text(seen_amount(solution), problem.amount_unit)
-        row += f": {motion_text(solution)}; amount {amount}, proved at least {bound_line(solution)}; "
-        row += f"pair made {solution.pair_state}; {outcome_text(solution)}"
+        amount = texts.amount_text(texts.seen_amount(solution), problem.amount_unit)
+        row += f": {texts.motion_text(solution)}; amount {amount}, proved at least {texts.bound_line(solution)}; "
+        row += f"pair made {solution.pair_state}; {texts.outcome_text(solution)}"
     else:
-        row += f": {outcome_text(solution)}"
-    through = listed(gone_through(solution)) if solution.usable else ""
+        row += f": {texts.outcome_text(solution)}"
+    through = texts.listed(gone_through(solution)) if solution.usable else ""
     words = [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
     return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *words])
 
@@ -157,7 +135,7 @@ def gone_through(solution: Solution) -> list[str]:
 
 def _done(problem: Problem, values: Sequence[float]) -> list[tuple[str, str]]:
     """Return the steps that do something as (verb, manner)."""
-    values = telling(problem, values)
+    values = texts.telling(problem, values)
     steps = zip(problem.motion.by_step(values), problem.motion.describe_steps(values, unit=problem.unit), strict=True)
     return [step for own, step in steps if any(own)]
 
@@ -173,9 +151,10 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
         steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
         ends.append((event, steps or ("staying there" if values else "")))
-    along = steps_text(problem, coherent.direction.tolist())
+    along = texts.steps_text(problem, coherent.direction.tolist())
     sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
-    sizes *= _across(coherent)
+    near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
+    sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
     told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
     for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
         if not steps:
@@ -203,13 +182,6 @@ def no_contact_text(problem: Problem) -> str:
     if touch_on_true_faces(problem):
         return f"{drawn} {TOUCH_BETWEEN}"
     return f"{drawn} the parts {lie}, so that no contact is there to be followed"
-
-
-def _across(coherent: CoherentRange) -> bool:
-    """Tell whether the contact meant lasts along a range at other sizes than where it begins."""
-    step = coherent.natural_step
-    x = max(np.clip([coherent.low, coherent.high], -step, step).tolist(), key=abs) / 2.0
-    return bool(np.abs(coherent.rho(x) - coherent.rho(0.0)).max() > DEFAULT.nominal)
 
 
 def _steps(solution: Solution) -> list[tuple[str, str]]:
@@ -244,7 +216,7 @@ def _in_order(steps: list[tuple[str, str]], again: str) -> tuple[str, str]:
             runs[-1][1].append(manner)
         else:
             runs.append((verb, [manner]))
-    told = [(verb, listed(manners)) for verb, manners in runs]
+    told = [(verb, texts.listed(manners)) for verb, manners in runs]
     (first, words), *more = told
     return first, words + "".join(f", then {f'{verb} {again}' if again else ''}{manner}" for verb, manner in more)
 
@@ -274,9 +246,11 @@ def sure_text(solution: Solution) -> str:
         return "; ".join(filter(None, ("nothing to do", solution.left_by_mesh, _sliding_contact(solution))))
     if solution.doubt:
         return solution.doubt
-    if abs(solution.gap) < max(CLOSED, EXACT):
+    if abs(solution.gap) < max(texts.CLOSED, EXACT):
         return "smallest possible (proved)"
-    return f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * NEAR else ""
+    return (
+        f"smallest possible to within {100.0 * solution.gap:.2g} % (proved)" if solution.gap < 10 * texts.NEAR else ""
+    )
 
 
 def _sliding_contact(solution: Solution) -> str:
@@ -323,7 +297,7 @@ def contact_text(
     few = [(step, [with_article(two) for own, two in pairs[:most] if own == step]) for step in told]
     shown = [f"{step} {' and '.join(others)}" for step, others in few]
     words = " and ".join(shown[: len({step for step, _ in pairs[:most]})])
-    more = f", and {counted(len(pairs) - most, 'more contact')}" if len(pairs) > most else ""
+    more = f", and {texts.counted(len(pairs) - most, 'more contact')}" if len(pairs) > most else ""
     return f"{words} of {name_of(problem, 1)}{more}"
 
 
@@ -343,8 +317,8 @@ def labels_in_words(text: str, scene: Scene) -> str:
 
 def held_text(labels: Sequence[str], scene: Scene) -> str:
     """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
-    texts = (labels_in_words(str(own), scene) for own in labels)
-    whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in texts)
+    words = (labels_in_words(str(own), scene) for own in labels)
+    whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in words)
     more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
     return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
 
@@ -392,9 +366,11 @@ def _drawn_gaps(movable: Body, static: Body, box: tuple[float, ...]) -> tuple[fl
 def name_of(problem: Problem, body: int) -> str:
     """Return the name of body 0 or 1, or what it is."""
     name = (problem.movable, problem.static)[body].name
-    return shortened(name, NAME) if name else ("the movable part", "the static part")[body]
+    return texts.shortened(name, NAME) if name else ("the movable part", "the static part")[body]
 
 
 def length_text(problem: Problem, length: float) -> str:
     """Return a length to four digits with its unit; rounding is 0."""
-    return measured(number(0.0 if abs(length) <= NOTHING * problem.size else length, DIGITS), problem.unit)
+    return measured(
+        texts.number(0.0 if abs(length) <= texts.NOTHING * problem.size else length, texts.DIGITS), problem.unit
+    )

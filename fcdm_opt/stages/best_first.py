@@ -53,9 +53,7 @@ class Choices(NamedTuple):
         every = [rows for group in groups for rows in group]
         firsts = np.cumsum([0, *(len(rows.levels) for rows in every)])[:-1]
         starts = np.cumsum([0, *map(len, groups)])[:-1]
-        rows = (
-            Rows(*map(np.concatenate, zip(*every, strict=True))) if every else Rows(np.empty((0, count)), np.empty(0))
-        )
+        rows = Rows(*map(np.concatenate, zip(Rows(np.empty((0, count)), np.empty(0)), *every, strict=True)))
         return cls(rows, firsts.astype(np.int64), starts.astype(np.int64))
 
     @classmethod

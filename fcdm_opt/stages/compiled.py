@@ -390,15 +390,10 @@ def arranged(G, h, walls, levels, centre):
         n, level = (G[r], h[r]) if r < count else (walls[r - count], levels[r - count])
         length = norm(n)
         level = (level - inner(n, centre)) / length if length > 0.0 else np.inf
-        for m in range(k):
-            if r < count:
-                rows[r, m] = n[m] / length
-            else:
-                own[r - count, m] = n[m] / length
         if r < count:
-            sides[r] = level
+            rows[r], sides[r] = n / length, level
         else:
-            bounds[r - count] = level
+            own[r - count], bounds[r - count] = n / length, level
     return rows, sides, own, bounds
 
 
@@ -419,13 +414,9 @@ def next_nearest(rows, sides, walls, bounds, order, first, found, lengths):
         k = order[first]
         if best >= 0 and lengths[best] <= max(bounds[k], 0.0):
             break
-        for m in range(len(x)):
-            rows[last, m] = walls[k, m]
-        sides[last] = bounds[k]
+        rows[last], sides[last] = walls[k], bounds[k]
         if nearest(rows, sides, equal, last + 1, x, duals):
-            for m in range(len(x)):
-                found[k, m] = x[m]
-            lengths[k] = norm(x)
+            found[k], lengths[k] = x, norm(x)
             if best < 0 or lengths[k] < lengths[best]:
                 best = k
         first += 1
@@ -778,8 +769,7 @@ def _others(scene, lines, flat, x, y, s, faults, count):
                 elif not touching and widest <= slack:
                     for r in range(len(rows)):
                         if rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y >= -slack and known < len(flats):
-                            for i in range(3):
-                                flats[known, i] = rows[r, i]
+                            flats[known] = rows[r, :3]
                             known += 1
     return count
 
@@ -801,8 +791,7 @@ def ways(scene, z, p1, p2):
     for r in range(len(sites)):
         orientations[r] = _orientation(parts1, parts2, sites[r], p1, p2, flat, rows[r])
         gaps[r] = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
-        for i in range(3):
-            site[i] = sites[r, i]
+        site[:3] = sites[r]
         _line(parts1, parts2, site, orientations[r], flat, line)
         square = 0.0
         for m in range(1, k + 1):
@@ -889,9 +878,7 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                 facets, lines = facet_rows(*_part(parts1, p1), *_part(parts2, p2), pose)
                 best, widest = _widest(lines, x, y)
                 if widest < need - slack:
-                    for i in range(3):
-                        chosen[made, i] = facets[best, i]
-                    chosen[made, 3], chosen[made, 4] = p1, p2
+                    chosen[made, :3], chosen[made, 3], chosen[made, 4] = facets[best], p1, p2
                     orientations[made] = _orientation(parts1, parts2, facets[best], p1, p2, flat, lines[best])
                     v, w, _ = _foremost(parts1, parts2, p1, p2, flat, x, y, lines[best])
                     count = _gap_row(rows, count, 1.0, chosen[made], orientations[made], p1, p2, v, w)
@@ -984,8 +971,7 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
     room = np.empty(2), np.empty(12 * 3), np.empty((2, 1, 6)), np.empty((1, 2)), faults
     looks = np.empty((3, len(path)))
-    for k in range(len(path)):
-        looks[:, k] = path[k]
+    looks[:] = path
     looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
     looks[2, 0], looks[2, 2] = FINER * path[0], path[2] / FINER
     for n in range(len(angles)):

@@ -439,10 +439,8 @@ class System:
         each = [self._rows(parts, self.q(z), EVERY) for parts in pairs]
         gaps = [rows.normals @ z - rows.levels for rows in each]
         tight = [rows.normals[own >= own[0] - DEFAULT.active] for rows, own in zip(each, gaps, strict=True)]
-        every, owners = (
-            np.concatenate([np.empty((0, len(z))), *tight]),
-            np.repeat(np.arange(len(pairs)), [*map(len, tight)]),
-        )
+        owners = np.repeat(np.arange(len(pairs)), [*map(len, tight)])
+        every = np.concatenate([np.empty((0, len(z))), *tight])
         used = nnls(np.vstack([every, -every]).T, z)[0].reshape(2, -1).sum(axis=0) > 0.0 if len(every) else owners > 0
         return [parts for k, parts in enumerate(pairs) if used[owners == k].any()] or [*pairs]
 

@@ -41,13 +41,8 @@ BESIDE = 1e-4  # radians: where it is asked what ends the window, which stops sh
 
 def suits(task: Task) -> bool:
     """Tell whether a task's motions are a fan of rays: two parameters, a switching point, and none that stays flush."""
-    return (
-        len(task.weights) == len(task.tracked) == 2
-        and task.goal == "beyond"
-        and task.weighted
-        and not any(task.flush)
-        and pose_instructions(task.motion) is not None
-    )
+    fan = len(task.weights) == len(task.tracked) == 2 and task.goal == "beyond" and task.weighted
+    return fan and not any(task.flush) and pose_instructions(task.motion) is not None
 
 
 def least_direction(task: Task) -> Answer | None:

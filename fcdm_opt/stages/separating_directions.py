@@ -151,17 +151,9 @@ class Linearised(NamedTuple):
         if not (np.isfinite(pose).all() and np.isfinite(rates).all()):
             return None
         rates = rates / task.weights[:, None, None]
-        seed, other = task.movable.seed, task.static.seed
-        return cls(
-            task,
-            y,
-            pose[:3, :3],
-            pose[:3, :3] @ seed + pose[:3, 3] - other,
-            rates[:, :3, :3],
-            rates[:, :3, :3] @ seed + rates[:, :3, 3],
-            2.0 * search_rate(task) * radius * np.sqrt(len(y)),
-            {},
-        )
+        R, turns, seed = pose[:3, :3], rates[:, :3, :3], task.movable.seed
+        offset, shifts = R @ seed + pose[:3, 3] - task.static.seed, turns @ seed + rates[:, :3, 3]
+        return cls(task, y, R, offset, turns, shifts, 2.0 * search_rate(task) * radius * np.sqrt(len(y)), {})
 
     def apart(self, parts: Parts) -> list[Rows] | None:
         """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""

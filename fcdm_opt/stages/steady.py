@@ -17,7 +17,7 @@ import numpy as np
 
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.curve.kernels import E1E2, V1F2, _at, _cross, _dot, _entry, _length, _minus, _times, _turned, _turned_back
-from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, best_site, inside, set_nearest
+from fcdm_opt.proof.cells import FIRST, KIND, SECOND, SIGN, _plus, best_site, inside, set_nearest
 
 HALVINGS = 40  # of the time for which two points stay near
 EAGER = 60  # steps at first that may be finest: near a contact they shrink fast, and prove more
@@ -41,11 +41,6 @@ def _pose(way, amount, R, m):
         m[i] = c[i] + way[2, 1] * amount * u[i]
         for j in range(3):
             m[i] -= R[3 * i + j] * c[j]
-
-
-@step
-def _plus(u, x):
-    return u[0] + x[0], u[1] + x[1], u[2] + x[2]
 
 
 @step

@@ -32,9 +32,7 @@ HOPE = 0.5  # change of depth over a cell, relative to what turning moves points
 SERIES = 0.1  # squares of angles below which series are used
 PIECES = 3  # of an arc of directions
 PARALLEL = 1e-7  # sines below which edges give no direction
-ROUNDING = (
-    256 * 2.0**-53
-)  # of the lengths that enter: no value is the sum of more than 64 products, each rounded thrice
+ROUNDING = 256 * 2.0**-53  # of lengths that enter: no value is the sum of more than 64 products, each rounded thrice
 NONE = 0.0, 0.0, 0.0
 _INF = np.inf
 

@@ -16,7 +16,7 @@ from scripts import loaded
 import fcdm_opt as fo
 from fcdm_opt.show import GREY
 from fcdm_opt.show.lettering import Sheet
-from fcdm_opt.show.scene import ShownPair, draw_scene
+from fcdm_opt.show.scene import ShownBodies, draw_scene
 
 SCRIPT = Path(__file__).parents[2] / "problems" / "paper_figures.py"
 
@@ -98,7 +98,7 @@ def test_a_scene_numbers_corners_at_one_scale() -> None:
     """Of a cube seen from a corner seven corners are seen; the eighth is behind it."""
     cube, far = (fo.Body.convex([[x + k, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) for k in (0, 18))
     sheet = Sheet.of(4.0, 3.0)
-    shown_pair = ShownPair.of(cube, far, view=(30.0, -50.0))
+    shown_pair = ShownBodies.of(cube, far, view=(30.0, -50.0))
     axes = draw_scene(sheet, (0.0, 0.0, 4.0, 3.0), shown_pair)
     script().number_corners(axes, shown_pair)
     numbers = [text for text in sheet.figure.findobj(Text) if text.get_text().isdigit()]

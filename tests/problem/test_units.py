@@ -28,7 +28,7 @@ from fcdm_opt.show.printing import print_head
 from fcdm_opt.show.report.cases import answered
 from fcdm_opt.show.report.gather import gather
 from fcdm_opt.show.report.page import page, study_page
-from fcdm_opt.show.scene import ShownPair, scene_figure
+from fcdm_opt.show.scene import ShownBodies, scene_figure
 from fcdm_opt.show.sensitivities import sensitivities_figure
 from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.studies import study_figure
@@ -269,7 +269,7 @@ def _texts(figure: Figure) -> str:
 
 
 PICTURES: dict[str, tuple[Callable[[str, Path], Figure], str]] = {
-    "scene": (lambda unit, _: scene_figure(ShownPair.of(boxes(unit).movable, boxes(unit).static), unit=unit), "1 mm"),
+    "scene": (lambda unit, _: scene_figure(ShownBodies.of(boxes(unit).movable, boxes(unit).static), unit=unit), "1 mm"),
     "sensitivities": (lambda unit, _: sensitivities_figure(solved(unit).solution), "amount (mm)"),
     "family": (lambda unit, _: family_figure(fo.coherent_range(example(unit), {"TZ": 1.0})), "TZ 1 mm"),
     "map": (lambda unit, _: map_figure(mapped(unit)), "motion (mm)"),

@@ -37,15 +37,13 @@ from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     MOST_TOLD,
     MOVES,
-    ShownPair,
-    ShownParts,
+    ShownBodies,
     _cut_open,
     _joined,
     body_figure,
     contacts_of,
     own_polygons,
     page_directions,
-    parts_figure,
     scene_figure,
     scene_pieces,
     sharp_edges,
@@ -83,7 +81,7 @@ def draw(kind: str, example: int, name: str) -> Any:
     if kind == "before and after":
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
-    shown = ShownPair.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform)
+    shown = ShownBodies.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform)
     return scene_figure(
         shown,
         contacts=contacts_of(moved, solution.rho, shown),
@@ -123,12 +121,12 @@ def test_drawing_leaves_the_global_plotting_state_alone() -> None:
         import sys, tempfile, matplotlib
         from fcdm_opt.geometry.bodies import Body
         from fcdm_opt.show import GREY, save
-        from fcdm_opt.show.scene import ShownPair, scene_figure
+        from fcdm_opt.show.scene import ShownBodies, scene_figure
         state = lambda: {key: matplotlib.rcParams[key] for key in matplotlib.rcParams if key != "backend"}
         before = state()
         body = Body.convex([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
         with tempfile.TemporaryDirectory() as directory:
-            save(scene_figure(ShownPair.of(body, body)), directory + "/picture")
+            save(scene_figure(ShownBodies.of(body, body)), directory + "/picture")
         print("matplotlib.pyplot" in sys.modules, state() == before)
     """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -184,7 +182,7 @@ def test_names_keep_apart_in_other_problems(name: str) -> None:
     asked = next(iter(problems(name).values()))
     check_texts(decision_curve_figure(asked.curve, title=name, caption="a caption"))
     keep_out = [own.body.scaled(own.ends[1]) for own in asked.keep_out]
-    shown = ShownPair.of(asked.movable, asked.static, keep_out=keep_out)
+    shown = ShownBodies.of(asked.movable, asked.static, keep_out=keep_out)
     check_texts(scene_figure(shown, title=name, caption="a caption"))
 
 
@@ -332,7 +330,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
     motion = np.eye(4)
     motion[0, 3] = -0.001
-    shown = ShownPair.of(one, two, transform=motion, view=(20.0, -70.0))
+    shown = ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0))
     old, times = shown.before(motion)
     assert old is not None
     np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
@@ -362,7 +360,7 @@ def test_facets_of_round_faces_were_drawn_with_edges_and_corners() -> None:
     exact = exact_at(pin, np.array([[2.0 * np.cos(0.3), 2.0 * np.sin(0.3), 1.0]]))
     assert exact is not None
     assert len(exact.parts) == 2
-    assert len(ShownPair.of(exact, exact).bodies[0].parts) == 1
+    assert len(ShownBodies.of(exact, exact).bodies[0].parts) == 1
 
 
 def peg_in_a_blind_hole() -> tuple[Body, Body]:
@@ -382,7 +380,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     """The block hides all of the peg's foot; cut through the middle, half of each is left, and nothing hides it."""
     peg, block = bodies = peg_in_a_blind_hole()
     foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
-    shown, page = ShownPair.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
+    shown, page = ShownBodies.of(peg, block, view=(32.0, -55.0)), page_directions(32.0, -55.0)
     assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
     with pytest.MonkeyPatch.context() as patch:  # a report ended with an error where a section meets none of many
         patch.setattr(Cut, "met", lambda *_: [])
@@ -416,7 +414,7 @@ def test_of_two_contacts_the_cut_met_only_the_one_of_many_pieces() -> None:
     assert cut is not None
     assert share == 1.0
     assert np.ptp(cut.heights(line)) == 0.0 or cut.met([line])
-    figure = scene_figure(ShownPair.of(peg, block, view=(32.0, -55.0)), contacts=contacts)
+    figure = scene_figure(ShownBodies.of(peg, block, view=(32.0, -55.0)), contacts=contacts)
     assert {"1", "2"} <= set(texts(figure))
     assert "intended contact" not in texts(figure)  # of parts that are to be apart it was none
 
@@ -428,7 +426,7 @@ def test_faces_of_bodies_exact_at_points_share_all_of_what_those_drawn_do() -> N
     exact = exact_at(pipe, np.array([[2.0, 0.0, 0.0]]))
     assert exact is not None
     plate = Body.from_mesh(trimesh.creation.box(bounds=((-9, -9, -1), (9, 9, 0))))
-    contacts = contacts_of(decision_curve(exact, plate), (1.0, 1.0), ShownPair.of(exact, plate))
+    contacts = contacts_of(decision_curve(exact, plate), (1.0, 1.0), ShownBodies.of(exact, plate))
     across = [np.cross(own[1] - own[0], own[2] - own[0]) for each in contacts for own in each.pieces]
     area = 12 * np.sin(np.pi / 12) * (4**2 - 2**2)
     assert np.linalg.norm(across, axis=1).sum() / 2.0 == pytest.approx(area, rel=1e-6)
@@ -460,9 +458,9 @@ def test_the_cut_through_an_overlap_lay_in_the_bottom_of_a_part() -> None:
 def test_the_report_began_with_a_look_that_hides_the_contact() -> None:
     peg, block = peg_in_a_blind_hole()
     foot = Touching((np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]),), np.eye(3)[2])
-    pieces = scene_pieces(ShownPair.of(peg, block, view=(32.0, -55.0)), contacts=[foot])
+    pieces = scene_pieces(ShownBodies.of(peg, block, view=(32.0, -55.0)), contacts=[foot])
     assert pieces.cut
-    assert not scene_pieces(ShownPair.of(peg, box((9.0, 0.0, 0.0), 1.0), view=(32.0, -55.0)), contacts=[foot]).cut
+    assert not scene_pieces(ShownBodies.of(peg, box((9.0, 0.0, 0.0), 1.0), view=(32.0, -55.0)), contacts=[foot]).cut
 
 
 def test_the_contact_is_looked_at_from_where_it_is_seen() -> None:
@@ -507,7 +505,7 @@ def test_facets_of_one_face_had_an_inset_each() -> None:
     facets = [Touching((np.eye(3)[k][None],), np.eye(3)[k], number=1) for k in range(2)]
     for numbers, count in (((1, 1), 1), ((1, 0), 1), ((1, 2), 2)):  # 0: told with another
         contacts = [own._replace(number=number) for own, number in zip(facets, numbers, strict=True)]
-        assert len(scene_pieces(ShownPair.of(one, two, view=(32.0, -55.0)), contacts=contacts).insets) == count
+        assert len(scene_pieces(ShownBodies.of(one, two, view=(32.0, -55.0)), contacts=contacts).insets) == count
 
 
 @pytest.mark.parametrize("turn", [5.0, 41.0, 80.0, 131.0])
@@ -648,7 +646,7 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
     bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
     ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
-    figure = parts_figure(ShownParts(bodies, ["up", "fixed", "along x"], ways))
+    figure = scene_figure(ShownBodies.of_parts(bodies, ["up", "fixed", "along x"], ways))
     arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
     steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
     assert len(steps) == 2

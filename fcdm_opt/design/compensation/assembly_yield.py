@@ -23,18 +23,10 @@ from fcdm_opt.problem.arguments import by_parameter, interval, length, real
 from fcdm_opt.problem.problem import SCALES
 from fcdm_opt.tolerances import DEFAULT
 
-BLOCK = 2**14
-"""Pairs looked up at once: few enough to stay in the processor's cache."""
-
-BINS = 128
-"""Of the histogram of amounts."""
-
-SHARES = (0.5, 0.9, 0.99, 0.999)
-"""Shares of the pairs that quantiles are told for."""
-
-MOST_HELD = 2_000_000
-"""Pairs looked up at most to tell what each size' scatter costs."""
-
+BLOCK = 2**14  # pairs looked up at once: few enough to stay in the processor's cache
+BINS = 128  # of the histogram of amounts
+SHARES = (0.5, 0.9, 0.99, 0.999)  # shares of the pairs that quantiles are told for
+MOST_HELD = 2_000_000  # pairs looked up at most to tell what each size' scatter costs
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
 OTHERS = {"impossible": "have no motion", "undecided": "are undecided: the map is not exact enough there"}

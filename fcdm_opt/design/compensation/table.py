@@ -19,12 +19,8 @@ from fcdm_opt.moved_files import to_csv
 from fcdm_opt.plain import Plain
 from fcdm_opt.tolerances import DEFAULT
 
-KINDS = {1: "interval", 2: "triangle", 3: "tetrahedron"}
-"""What simplices of so many sizes are called."""
-
-FIRST = 3
-"""Sizes up to which what is on a facet that simplices share belongs to the first of them; of more to any."""
-
+KINDS = {1: "interval", 2: "triangle", 3: "tetrahedron"}  # what simplices of so many sizes are called
+FIRST = 3  # sizes up to which what is on a facet that simplices share belongs to the first of them; of more to any
 LISTED = 20  # points of which something is said in words
 _BUCKETS = 16  # a simplex: most points then have one simplex to look at, or two
 
@@ -162,9 +158,8 @@ class Table(Plain):
                 raise InputError("wrong shape", key=key, found=array.shape, allowed=allowed)
             object.__setattr__(self, key, frozen(array, np.int64 if key == "regions" else np.float64))
         if len(self.weights) not in (0, len(self.names)):
-            raise InputError(
-                "wrong shape", key="weights", found=len(self.weights), allowed=f"{len(self.names)}, or none"
-            )
+            allowed = f"{len(self.names)}, or none"
+            raise InputError("wrong shape", key="weights", found=len(self.weights), allowed=allowed)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:

@@ -269,9 +269,8 @@ class StackUp:
     def _rounding(self) -> float:
         """How far a gap may be off by the digits of numbers, and on true faces by those of the files."""
         bodies = self.touching.bodies
-        return max(
-            DEFAULT.weld * max(body.size for body in bodies), self.on_true_faces * sum(b.rounding for b in bodies)
-        )
+        of_files = sum(body.rounding for body in bodies) * self.on_true_faces
+        return max(DEFAULT.weld * max(body.size for body in bodies), of_files)
 
     def worst(self) -> WorstCase:
         """Return the least and the largest gap within the tolerances, with sizes at which they are."""
@@ -346,7 +345,7 @@ class StackUp:
 
         if self.loop is not None:
             return self.loop.claims(least, largest, told)
-        one, two = (body if body.exact is None else body.exact.facets for body in self.touching.bodies)
+        one, two = (body.of_facets for body in self.touching.bodies)
         return GapClaims(
             bodies=(one, two),
             permanent_faces=self.touching.permanent_faces if self.on_true_faces else None,

@@ -21,9 +21,7 @@ from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.errors import InputError
 from fcdm_opt.version import __version__
 
-CONNECT, PATIENCE = 5.0, 60.0
-"""Seconds: for a scheduler to be reached; for workers to join where there is none."""
-
+CONNECT, PATIENCE = 5.0, 60.0  # seconds: for a scheduler to be reached; for workers to join where there is none
 ADDRESS = "the address of a running Dask scheduler, such as tcp://host:8786"
 
 LOGGERS = ("distributed", "tornado")

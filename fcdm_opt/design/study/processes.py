@@ -24,12 +24,8 @@ from fcdm_opt.threads import SINGLE
 
 Work = Callable[[Asked], Row]
 
-TRIES = 2
-"""How often a point is asked for whose process is lost: anything else may have ended it."""
-
-IDLE = 60.0
-"""Seconds without work after which a process ends: those of Dask's workers outlast a run."""
-
+TRIES = 2  # how often a point is asked for whose process is lost: anything else may have ended it
+IDLE = 60.0  # seconds without work after which a process ends: those of Dask's workers outlast a run
 DEATH_SIGNAL = 1  # prctl's PR_SET_PDEATHSIG: the signal that Linux sends when the parent ends
 
 

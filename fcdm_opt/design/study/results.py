@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-PENDING = "PENDING"
-"""Status of a point that is not worked out yet."""
-
+PENDING = "PENDING"  # status of a point that is not worked out yet
 CONFIDENCE = 0.95
 
 DRAW = "draw"  # an axis that no key of a problem stands for
@@ -328,8 +326,7 @@ OWN = {
 }  # fmt: skip
 """Names of columns that are there whatever varies."""
 
-WHOLE = 2**63 - 1
-"""Largest whole number that a column of other libraries holds; larger ones are text."""
+WHOLE = 2**63 - 1  # largest whole number that a column of other libraries holds; larger ones are text
 
 
 def _within(rows: Sequence[Row], name: str, head: str) -> dict[str, list[Any]]:

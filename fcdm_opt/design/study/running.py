@@ -25,12 +25,8 @@ from fcdm_opt.version import __version__
 
 Engine = Literal["joblib", "dask"]
 ENGINES = get_args(Engine)
-PAUSE = 10.0
-"""Seconds between two lines."""
-
-SETTLED = 1.0
-"""Seconds after which a rate says something."""
-
+PAUSE = 10.0  # seconds between two lines
+SETTLED = 1.0  # seconds after which a rate says something
 REFRESH = 4  # times a second that a bar is drawn
 
 Say = Callable[[str], None]

@@ -27,9 +27,7 @@ FILE, LOCK = "study.sqlite", "study.lock"
 
 EMPTY = "another folder for --out"
 
-PATIENCE = 30.0
-"""Seconds that a write waits for somebody who reads, or copies, the store."""
-
+PATIENCE = 30.0  # seconds that a write waits for somebody who reads, or copies, the store
 TABLES = {
     "meta": "name TEXT PRIMARY KEY, value TEXT NOT NULL",
     "points": 'number INTEGER PRIMARY KEY, key TEXT NOT NULL, "values" TEXT NOT NULL',

@@ -16,7 +16,7 @@ from fcdm_opt.problem.evidence import Evidence
 from fcdm_opt.problem.fit import drawn_bodies, misfit
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
-from fcdm_opt.show import in_scheme, inline_svg
+from fcdm_opt.show import in_scheme, inline_svg, texts
 from fcdm_opt.show.album import solution_pieces
 from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
@@ -27,22 +27,6 @@ from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.texts import (
-    DIGITS,
-    NOTHING,
-    advised,
-    asked_text,
-    bound_text,
-    goal_text,
-    listed,
-    motion_text,
-    outcome_text,
-    parameter_texts,
-    seen_amount,
-    shown,
-    sizes_text,
-    telling,
-)
 from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -84,17 +68,17 @@ def picture_of(pieces: ScenePieces, name: str) -> dict[str, Any]:
 
 def answered(solution: Solution) -> dict[str, Any]:
     """Return what a case, and a cell of the table of requirements, says of an answer; its bound, and how near it is."""
-    text, _, near = bound_text(solution).partition("\n")  # the page adds the unit
+    text, _, near = texts.bound_text(solution).partition("\n")  # the page adds the unit
     verdict = verdict_text(solution)
     return {
         "status": solution.status.name,
         "outside": solution.status.name == "OUTSIDE_FIT",
-        "motion": motion_text(solution) if seen_amount(solution) != 0.0 else "none",
+        "motion": texts.motion_text(solution) if texts.seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
-        "outcome": "does not fit" if misfit(solution.problem) else outcome_text(solution),
+        "outcome": "does not fit" if misfit(solution.problem) else texts.outcome_text(solution),
         "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
         "amount_unit": solution.problem.amount_unit,
-        "least": {"text": shown(solution.amount) if near == "exact" else text, "near": near},
+        "least": {"text": texts.shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
     }
 
@@ -106,17 +90,17 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     said = [text for text in every if not isinstance(text, GoodNews)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
-    texts = parameter_texts(problem, solution.parameters)
-    values = telling(problem, list(solution.parameters.values()), NOTHING)
-    told = zip(problem.motion.parameters, values, texts, strict=False)  # none without a motion
+    shown = texts.parameter_texts(problem, solution.parameters)
+    values = texts.telling(problem, list(solution.parameters.values()), texts.NOTHING)
+    told = zip(problem.motion.parameters, values, shown, strict=False)  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
-        "asked": asked_text(problem),
-        "wanted": goal_text(problem),
-        "off_drawn": sizes_text(problem),
+        "asked": texts.asked_text(problem),
+        "wanted": texts.goal_text(problem),
+        "off_drawn": texts.sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
-        "told": [*([] if solution.status.name in UNREMARKABLE else [advised(case)]), *said],
+        "told": [*([] if solution.status.name in UNREMARKABLE else [texts.advised(case)]), *said],
         "settled": [text for text in every if text not in said],
         **answered(solution),
         **{
@@ -174,7 +158,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
     bound = evidence.bound if isinstance(evidence, Evidence) else solution.lower_bound
     checked, covers = all(proof) if proof else None, "yes, by separate code"
     if checked and not solution.status.found:
-        least = measured(floored(bound, DIGITS), solution.problem.amount_unit) if np.isfinite(bound) else ""
+        least = measured(floored(bound, texts.DIGITS), solution.problem.amount_unit) if np.isfinite(bound) else ""
         covers += f": no motion of up to {least} does" if least else ": no motion at all does"
         if least and solution.status.name == "INFEASIBLE":
             checked, covers = None, f"{covers}; that none at all does is shown by a closed form"
@@ -200,7 +184,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     elif not known:
         text = "nothing nearby changes the amount"
     if none:
-        names = listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
+        names = texts.listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
         text += f"; no derivative by {names}"
     return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most and finite(most._asdict())}
 
@@ -243,7 +227,7 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
             tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
     made = problem.movable.scaled(problem.target[0]), problem.static.scaled(problem.target[1])
     overlap = pacing.in_time(Touching.overlap, *made, late=None)
-    known = {} if corrected else {"amount": None, "status": outcome_text(solution)}
+    known = {} if corrected else {"amount": None, "status": texts.outcome_text(solution)}
     why = "" if corrected else f": {verdict_text(solution)}"
     return {
         "nominal": frames.frame(problem.nominal_pair, note="nominal sizes, no motion"),

@@ -24,9 +24,7 @@ from fcdm_opt.tolerances import DEFAULT
 FACTORS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5)
 """Multiples of the tolerance: none, as asked, and half as much again."""
 
-SHARES = tuple(k / 20 for k in range(31))
-"""Shares of the motion: rest, whole, and half as far again."""
-
+SHARES = tuple(k / 20 for k in range(31))  # shares of the motion: rest, whole, and half as far again
 AS_ASKED = 1.0
 
 LOOKS, LEAST_LOOKS = 2000, 400

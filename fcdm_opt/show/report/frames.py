@@ -27,14 +27,13 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.plots import reaching
-from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges, solid_body
+from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges
 from fcdm_opt.show.sections import Touching, touching
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
 from fcdm_opt.tolerances import DEFAULT
 
 LATE = "what touches, and at which sizes, is left out for time"
-Rows = dict[tuple[float, ...], int]
-"""Points, each listed once, in the order in which they were first asked for."""
+Rows = dict[tuple[float, ...], int]  # points, each listed once, in the order in which they were first asked for
 
 
 class Frames:
@@ -209,7 +208,7 @@ def _seen(pieces: ScenePieces) -> dict[str, Any]:
 
 def _solid(number: int, role: str, body: Body) -> dict[str, Any]:
     """Return a body as triangles and true edges."""
-    rows, body = Rows(), solid_body(body)
+    rows, body = Rows(), body.of_facets
     triangles = _triangles(rows, own_polygons(body))
     edges = [_rows(rows, ends) for ends in sharp_edges(body)]
     shape = {"points": drawn(list(rows)), "triangles": triangles, "edges": edges, "seed": drawn(body.seed)}

@@ -23,9 +23,7 @@ from fcdm_opt.show.texts import tolerance_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT, meanings
 
-PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")
-"""Whose versions a report names."""
-
+PACKAGES = ("fcdm_opt", "casadi", "coal", "numpy", "scipy", "numba", "python-flint")  # whose versions a report names
 SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 """What cases of one table have in common, besides bodies and keep-outs."""
 

@@ -12,26 +12,15 @@ from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.show import inline_svg
+from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_report
-from fcdm_opt.show.scene import parts_pieces
+from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.texts import (
-    amount_text,
-    asked_text,
-    bound_line,
-    goal_text,
-    listed,
-    seen_amount,
-    shown,
-    status_text,
-    study_facts,
-)
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -95,7 +84,7 @@ def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
         reasons = stack["notes"] if stack else [f"no sizes by name: {unread}"] if unread else []
         for reason in reasons if "worst" not in stack else ():
             known.setdefault(reason, []).append(case["name"])
-    return [why if len(own) == len(cases) else f"{why} (cases {listed(own)})" for why, own in known.items()]
+    return [why if len(own) == len(cases) else f"{why} (cases {texts.listed(own)})" for why, own in known.items()]
 
 
 def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
@@ -106,8 +95,8 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
     titles = [file["title"] or file["file"] for file in files]
     cases, figures, stacks = [], [], list[dict[str, Any]]()
     for number, solution in enumerate(solutions):
-        contacts = (parts := parts_of(solution)).contacts
-        pieces = parts_pieces(parts)
+        bodies, contacts = parts_of(solution)
+        pieces = scene_pieces(bodies, contacts=contacts, unit=solution.assembly.unit)
         figures.append(assembly_scene(solution, contacts, pieces))
         file = next(file for file in files if number in file["cases"])
         cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
@@ -140,9 +129,9 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
 
 def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     assembly, unit = solution.assembly, solution.assembly.unit
-    certificate, verdict, texts = solution.certificate, assembly_verdict(solution), unsaid(solution)
+    certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
-        verdict, texts = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *texts]
+        verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
     solved = zip(assembly.contacts if solution.contacts else (), solution.contacts, strict=True)
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
@@ -150,15 +139,15 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "verdict": verdict,
         "picture": picture,
         "moved": solution.status.found,
-        "amount": amount_text(seen_amount(solution), unit),
-        "bound": bound_line(solution),
+        "amount": texts.amount_text(texts.seen_amount(solution), unit),
+        "bound": texts.bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
-        "told": texts,
-        "asked": asked_text(assembly),
+        "told": lines,
+        "asked": texts.asked_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
         "contacts": [
-            (f"{pair.one} - {pair.two}", goal_text(own.problem), _touching(own), own.pair_state or "-")
+            (f"{pair.one} - {pair.two}", texts.goal_text(own.problem), _touching(own), own.pair_state or "-")
             for pair, own in solved
         ],
         "stages": solution.stages,
@@ -184,11 +173,13 @@ def study_page(result: StudyResult) -> str:
     fewer = (min(count, most) for most in (MOST_POINTS, MOST_ROWS))
     charted, printed = ([k * count // some for k in range(some)] for some in fewer)
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
+    words = COLUMNS | {name: f"{text} ({result.unit or 'length units'})" for name, text in LENGTHS.items()}
+    words |= {name: axis_text(name) for name in varied if name not in COLUMNS}
     return whole_page(
         "study.html",
         scripts=("study.js",),
         figures={
-            "words": (words := _words(varied, result.unit)),
+            "words": words,
             "columns": columns,
             "varied": varied,
             "rows": [[finite(rows[k][name]) for name in columns] for k in charted],
@@ -201,7 +192,7 @@ def study_page(result: StudyResult) -> str:
         },
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
-        summary=[(name.capitalize(), *told) for name, *told in study_facts(result)],
+        summary=[(name.capitalize(), *told) for name, *told in texts.study_facts(result)],
         unanswered=unanswered.values(),
         picture=inline_svg(study_figure(result), "picture"),
         varied=[_varied(label, values) for label, values in result.axes.items()],
@@ -216,9 +207,9 @@ def study_page(result: StudyResult) -> str:
 
 def _unanswered(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Return of each status that is no answer how many points have it, and what the first of them says."""
-    first = {row["status"]: row["message"] for row in reversed(rows) if row["status"] not in Status.__members__}
+    first = {row["status"]: row["message"] or "" for row in reversed(rows) if row["status"] not in Status.__members__}
     return {
-        status: f"{count} without an answer, {status_text(status)}{': ' * bool(first[status])}{first[status] or ''}"
+        status: f"{count} without an answer, {texts.status_text(status)}{': ' * bool(first[status])}{first[status]}"
         for status, count in result.counts.items()
         if status in first
     }
@@ -237,28 +228,21 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
     return varied, [*varied, "status", "amount", *motion, *(name for name in ALWAYS if name in rows[0])]
 
 
-def _words(varied: Sequence[str], unit: str) -> dict[str, str]:
-    """Return what columns are called where their names in files say little."""
-    lengths = {name: f"{text} ({unit or 'length units'})" for name, text in LENGTHS.items()}
-    return {**COLUMNS, **lengths, **{name: axis_text(name) for name in varied if name not in COLUMNS}}
-
-
 def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
     """Return what was varied, how many values it took, and which: of a grid its ends."""
     told, count = axis_text(label), str(len(values))
     if label == DRAW:
         return "parts drawn at random", count, "from the distributions in the definition below"
     if len(values) > FEW and all(type(value) in (int, float) for value in values) and [*values] == sorted(values):
-        return told, count, f"{shown(values[0])} to {shown(values[-1])}"
-    return told, count, _listed(values)
-
-
-def _listed(values: Sequence[Any]) -> str:
-    some = [f"({shown(value)})" if isinstance(value, list | tuple) else shown(value) for value in values[:MOST_VALUES]]
+        return told, count, f"{texts.shown(values[0])} to {texts.shown(values[-1])}"
+    some = [
+        f"({texts.shown(value)})" if isinstance(value, list | tuple) else texts.shown(value)
+        for value in values[:MOST_VALUES]
+    ]
     more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
-    return ", ".join(some) + more
+    return told, count, ", ".join(some) + more
 
 
 def _cell(name: str, value: Any) -> str:
     """Return a value as the table shows it, a bound never rounded up."""
-    return floored(value, 6) if name == "lower_bound" and value and value > 0 else shown(value)
+    return floored(value, 6) if name == "lower_bound" and value and value > 0 else texts.shown(value)
