@@ -397,16 +397,17 @@ def prism(path: Path, corners: Any, cut: Any, ends: tuple[float, float]) -> Path
 
 
 def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path: Path) -> None:
-    """Its flanks are 0.05 / sqrt(2) from those of the block: moved by that along a normal, one of them touches."""
+    """Its flanks are lift / sqrt(2) from those of the block: moved by that along a normal, one of them touches."""
+    lift = 0.05123457  # more digits than single precision keeps, so that flanks are tilted by rounding
     block = vee(tmp_path / "block.stl")
     path = tmp_path / "p.toml"
-    made = draft(wedge(tmp_path / "wedge.stl", 0.05), block, file=path)
+    made = draft(wedge(tmp_path / "wedge.stl", lift), block, file=path)
     said = "\n".join(made.summary)
     told = re.search(r"\(CAD\) by \[(.*)\] mm: the shortest way, (.*) mm along", said)
     assert told is not None
     shift = np.array([float(x) for x in told.group(1).split(",")])
-    assert float(told.group(2)) == pytest.approx(np.linalg.norm(shift)) == pytest.approx(0.05 / 2**0.5, rel=1e-4)
-    assert np.abs(shift) == pytest.approx([0.025, 0.0, 0.025], rel=1e-4)
+    assert float(told.group(2)) == pytest.approx(np.linalg.norm(shift), rel=2e-6) == pytest.approx(lift / 2**0.5, rel=1e-4)
+    assert np.abs(shift) == pytest.approx([lift / 2, 0.0, lift / 2], rel=1e-4)
     one, two = (Body.from_file(tmp_path / f"{name}.stl", unit="mm") for name in ("wedge", "block"))
     pose = np.eye(4)
     pose[:3, 3] = shift
