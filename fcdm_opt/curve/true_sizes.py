@@ -206,9 +206,10 @@ def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) 
     """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,)."""
     # to within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
     # where plane faces lie on each other, whose rims may be round
-    faces, found = (true_faces(movable), true_faces(static)), list[TrueContact]()
-    if not any(own.is_round.any() for own in faces):
+    found = list[TrueContact]()
+    if not any(map(round_surfaces, (movable, static))):
         return found
+    faces = true_faces(movable), true_faces(static)
     band = slack + sum(scale * sum(deviation_of(own.body)) for scale, own in zip(scales, faces, strict=True))
     for near in nearest_on_faces(faces, scales, np.eye(4), band):
         if near.gap > slack:

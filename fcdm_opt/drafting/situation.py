@@ -19,7 +19,7 @@ from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, gaps_off, is_plane_there
+from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, gaps_off, is_plane_there, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms
 from fcdm_opt.geometry.naming import is_round, told_element
 from fcdm_opt.geometry.patches import NearestPoints, patches_of_element, true_faces
@@ -240,6 +240,8 @@ class Situation:
         """Return where a concave round face of a contact faces on the average; None without such a face."""
         for drawn, element, sign in ((self.static, feature.two, -1.0), (self.movable, feature.one, 1.0)):
             body = drawn.rounded()  # the direction is that of the face, also where the facets are taken as they are
+            if not round_surfaces(body):
+                continue
             faces = true_faces(body)
             for k in patches_of_element(body, element):
                 if not faces.patches[k].concave:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
@@ -431,6 +432,7 @@ def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
     places = {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
     hulls, faces = list[Hull](), list[int]()
     for part, own in zip(body.parts, body.facet_faces, strict=True):
+        pacing.check()
         *base, apex = [places[tuple(corner)] for corner in part.vertices.tolist()]
         for piece in _bases(points, [base[k] for k in part.loops[0]], DEFAULT.planarity * body.size):
             a, b, c = points[piece[:3]]
@@ -449,6 +451,8 @@ def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
 
 def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
     """Return a polygon where it is plane and convex, else its triangles."""
+    if len(base) == 3:
+        return [base]
     corners = points[base]
     normal = unit_normals(corners[None])[0]
     turns = np.cross(corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners) @ normal

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
+from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, groups_of
 from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
@@ -148,8 +148,8 @@ class TrueFaces:
     def _smooth(self, points: Array) -> Flags:
         """Tell over which edges, by a point of each, one patch goes on in the other, as a fillet does."""
         found = np.zeros(len(points), bool)
-        for pair in np.unique(self.every_pair_of_patches, axis=0):
-            own = (self.every_pair_of_patches == pair).all(axis=1)
+        pairs, same = np.unique(self.every_pair_of_patches, axis=0, return_inverse=True)
+        for pair, own in zip(pairs, groups_of(same.reshape(-1)) if len(pairs) else (), strict=True):
             one, two = (self.patches[k].gaps(points[own])[1] for k in pair.tolist())
             found[own] = norms(cross(one, two)) < DEFAULT.sharp
         return found
