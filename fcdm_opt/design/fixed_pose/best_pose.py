@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes
-from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
@@ -403,33 +403,47 @@ def _of_gap(
         if scales is None and worst.opened(q):
             opened.append(q)
             continue
+        if true is None:
+            return found, None
         pose = transforms_of(problem, q)[""]
-        exact = true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)[1]
+        extremes, exact = true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
-    if exact and (true is None or (proves and most)):
-        return found, true
-    found = found if exact or true is None else _at_last(problem, scales, window, found, true)
-    return found._replace(bound=min(found.value, 0.0), done=False), true
+    assert true is not None
+    if not exact:
+        worst, extremes = _at_last(problem, scales, window, q, true)
+    return _on_true_faces(worst, window, found, extremes, proved=bool(exact and proves and most)), true
 
 
 def _at_last(
-    problem: Problem, scales: Sizes | None, window: tuple[float, float], found: _Best, true: TrueSizes
-) -> _Best:
-    """Return what a pose is worth on true faces, of bodies made exact there alone."""
-    q = found.found.q
+    problem: Problem, scales: Sizes | None, window: tuple[float, float], q: Array, true: TrueSizes
+) -> tuple[Worst, Extremes]:
+    """Return the extreme gaps of a pose on true faces, of bodies made exact there alone."""
     for _ in range(ROUNDS):
         worst = Worst.of(problem, scales, *window, true)
         worst.leave_out_permanent()
-        at = found_at(worst, q)
-        pose = transforms_of(problem, q)[""]
-        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None)[1]:
+        at = worst.off(q)
+        extremes, exact = true_extremes(true, transforms_of(problem, q)[""], at.extremes, at.rows, own=scales is None)
+        if exact:
             break
+    return worst, extremes
+
+
+def _on_true_faces(
+    worst: Worst, window: tuple[float, float], found: _Best, extremes: Extremes, *, proved: bool
+) -> _Best:
+    """Return what a pose is worth by its extreme gaps on true faces; without a bound unless that is `proved`."""
+    problem, at = worst.problem, found_at(worst, found.found.q)
+    off = worst.missed(extremes)
+    values = {"value": off, "excess": off} if at.off.clear else {}
+    at = at._replace(off=at.off._replace(extremes=extremes, **values))
     inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
     status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
-    value = amount_of(problem, q) if inside else at.off.excess
-    return found._replace(worst=worst, found=at, status=status, value=value)
+    value, slack = amount_of(problem, at.q) if inside else at.off.excess, problem.contact_slack
+    bound, done = min(found.bound * proved, value), proved and found.done and value - found.value <= slack
+    return found._replace(worst=worst, found=at, status=found.status if proved else status, value=value, bound=bound,
+                          done=done)  # fmt: skip
 
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:

@@ -22,7 +22,7 @@ from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
-from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes
+from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes, normals_met
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
@@ -130,7 +130,11 @@ class SizedBodies:
 
 
 class Scales(SizedBodies):
-    """Two bodies of which all parts are known, scaled about their seeds."""
+    """Two bodies of which all parts are known, scaled about their seeds.
+
+    Pieces at points where true faces meet are measured along the normals of these alone: small ones that overlap
+    deeply would come apart sooner sideways, or are through each other.
+    """
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
         super().__init__(movable, static, sizes, apart)
@@ -155,12 +159,20 @@ class Scales(SizedBodies):
         each = (self._rows(pose, own[None]) for own in (found if len(found) < len(off) else ()))
         return {tuple(at.pairs[0].tolist()): self.feature(at, at.at(self.middle)) for at in each}
 
-    def _rows(self, pose: Array, pairs: Ints) -> GapRows:
+    def _rows(self, pose: Array, pairs: Ints, *, every: bool = False) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
+        met = {} if every else normals_met((self.movable, self.static), pose[:9].reshape(3, 3))
+        if met:
+            each = [
+                np.array([[*n, *self._plane(own, n, pose)] for n in met[own]]) if own in met else rows[start:end]
+                for own, start, end in zip(map(tuple, pairs.tolist()), first, first[1:], strict=False)
+            ]
+            rows, first = np.concatenate(each), np.cumsum([0, *map(len, each)])
         return GapRows(rows, first, pairs, pose)
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
+        # with slack those along all normals: elsewhere the pieces may meet along others
         pairs = self._pairs
         if len(pairs) > 1:
             middle, spread = self.middle, self.spread
@@ -170,7 +182,7 @@ class Scales(SizedBodies):
             pairs = pairs[bounds <= gap + 2.0 * (spread + slack) + DEFAULT.prune * self.size]
             if not len(pairs):
                 pairs = nearest
-        return self._rows(pose, pairs)
+        return self._rows(pose, pairs, every=slack > 0.0)
 
     def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
         """Return the gaps of part pairs at a pose and sizes, (p, n)."""
@@ -236,14 +248,14 @@ class Scales(SizedBodies):
                 if here.gap - level <= near:
                     best = at.at(rho)
                     break
-                planes = np.vstack([planes, self._plane(here, at.pose)])
+                planes = np.vstack([planes, self._plane(here.parts, here.way, at.pose)])
         return best
 
-    def _plane(self, here: Extreme, pose: Array) -> Array:
+    def _plane(self, parts: tuple[int, int], way: Array, pose: Array) -> Array:
         """Return the separation of a part pair along a direction, and its rates by the scales."""
-        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, here.parts, strict=True))
-        inward = here.way @ pose[:9].reshape(3, 3)
-        return np.array([here.way @ pose[9:], -(own @ inward).max(), (other @ here.way).min()])
+        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, parts, strict=True))
+        inward = way @ pose[:9].reshape(3, 3)
+        return np.array([way @ pose[9:], -(own @ inward).max(), (other @ way).min()])
 
     def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme, along its direction."""
@@ -412,7 +424,7 @@ class ScaleGaps(NamedTuple):
         sizes = Sizes(box)
         true = true_scales(movable, static, sizes)
         for _ in range(ROUNDS):
-            scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
+            scene = Scales(movable, static, sizes) if true is None else Scales(*true.bodies, sizes, true.apart())
             pose = scene.pose(transform)
             scene.leave_out([pose])
             rows = scene.rows(pose)

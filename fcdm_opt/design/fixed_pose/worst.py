@@ -129,12 +129,16 @@ class Worst:
         rows = self.rows(q)
         found = self.scene.extremes(rows)
         self._remember(found)
-        off = max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
+        off = self.missed(found)
         if off <= 0.0 and self.solid is not None and self._inside(q):
             off = self.scene.size
         overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
         clear = overlap <= self.problem.contact_slack
         return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
+
+    def missed(self, found: Extremes) -> float:
+        """Return how far extremes of the gap are off the window."""
+        return max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
 
     def rows(self, q: Array) -> Any:
         """Return the rows of the gap at parameters q."""
