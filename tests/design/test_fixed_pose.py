@@ -645,11 +645,11 @@ def test_the_best_pose_of_cones_that_overlap_was_that_of_small_pieces_which_slid
     assert none.lower_bound <= none.violation
 
 
-def test_the_best_pose_of_a_pin_too_large_for_its_bore_was_beside_the_middle() -> None:
+def test_the_best_pose_of_a_pin_too_large_for_its_bore_with_a_keyway_was_beside_the_middle() -> None:
     """The bore's centre is at rho_2 - 1 along y: of the tightest at -.02, where gaps are from -.6 to .6 - .04."""
     bore, rim = fo.Cylinder(15, 40, base=(0, 0, -20), facets=18), fo.Cylinder(25, 20, base=(0, 0, -10), facets=24)
     pin = fo.Cylinder(15, 40, base=(0, 0, -20), facets=24)
-    hub = fo.cut(rim, bore, name="hub").with_seed((0, -1, 0))
+    hub = fo.cut(rim, bore, fo.Box((8, 10, 30), centre=(0, 16, 0)), name="hub").with_seed((0, -1, 0))
     asked = fo.Problem(pin, hub, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("y"))
     pose = fo.best_pose(asked)
     assert pose.passed

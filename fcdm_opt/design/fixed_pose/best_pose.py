@@ -12,12 +12,12 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import ROUNDS, TrueSizes
-from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, by_contacts
+from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import true_extremes, true_sizes
+from fcdm_opt.design.fixed_pose.scene import OwnSizes, true_extremes, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -405,45 +405,44 @@ def _of_gap(
             continue
         if true is None:
             return found, None
-        pose = transforms_of(problem, q)[""]
-        extremes, exact = true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)
+        at = transforms_of(problem, q)[""], extremes, found.found.off.rows
+        exact = true_extremes(true, *at, own=scales is None, last=False)[1]
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
-    assert true is not None
-    if not exact:
-        worst, extremes = _at_last(problem, scales, window, q, true)
-    return _on_true_faces(worst, window, found, extremes, proved=bool(exact and proves and most)), true
-
-
-def _at_last(
-    problem: Problem, scales: Sizes | None, window: tuple[float, float], q: Array, true: TrueSizes
-) -> tuple[Worst, Extremes]:
-    """Return the extreme gaps of a pose on true faces, of bodies made exact there alone."""
-    for _ in range(ROUNDS):
-        worst = Worst.of(problem, scales, *window, true)
-        worst.leave_out_permanent()
-        at = worst.off(q)
-        extremes, exact = true_extremes(true, transforms_of(problem, q)[""], at.extremes, at.rows, own=scales is None)
-        if exact:
-            break
-    return worst, extremes
+    if true is None:
+        return found._replace(bound=min(found.value, 0.0), done=False), None
+    told = partial(Worst.of, problem, scales, *window, true)
+    return _on_true_faces(told, opened, found, true, proved=bool(exact and proves and most)), true
 
 
 def _on_true_faces(
-    worst: Worst, window: tuple[float, float], found: _Best, extremes: Extremes, *, proved: bool
+    worst_of: Callable[[], Worst], opened: Sequence[Array], found: _Best, true: TrueSizes, *, proved: bool
 ) -> _Best:
-    """Return what a pose is worth by its extreme gaps on true faces; without a bound unless that is `proved`."""
-    problem, at = worst.problem, found_at(worst, found.found.q)
-    off = worst.missed(extremes)
+    """Return what a pose is worth on true faces, of bodies made exact there; without a bound unless that is `proved`."""
+    q = found.found.q
+    for _ in range(ROUNDS):
+        worst = worst_of()
+        worst.leave_out_permanent(opened)
+        at, own = found_at(worst, q), isinstance(worst.scene, OwnSizes)
+        extremes, exact = true_extremes(true, worst.transform(q), at.off.extremes, at.off.rows, own=own)
+        if exact:
+            break
+    off, slack = worst.missed(extremes), worst.problem.contact_slack
     values = {"value": off, "excess": off} if at.off.clear else {}
     at = at._replace(off=at.off._replace(extremes=extremes, **values))
-    inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
-    status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
-    value, slack = amount_of(problem, at.q) if inside else at.off.excess, problem.contact_slack
-    bound, done = min(found.bound * proved, value), proved and found.done and value - found.value <= slack
-    return found._replace(worst=worst, found=at, status=found.status if proved else status, value=value, bound=bound,
-                          done=done)  # fmt: skip
+    windowed = (worst.low, worst.high) != (0.0, 0.0)
+    inside = windowed and at.off.value <= slack
+    status: Verdict = INSIDE if inside else UNDECIDED if windowed or not at.off.clear else BEST
+    value = amount_of(worst.problem, q) if inside else at.off.excess
+    return found._replace(
+        worst=worst,
+        found=at,
+        status=found.status if proved else status,
+        value=value,
+        bound=min(found.bound * proved, value),
+        done=proved and found.done and value - found.value <= slack,
+    )
 
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:

@@ -391,12 +391,12 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
 
 
 def true_extremes(
-    true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool
+    true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool, last: bool = True
 ) -> tuple[Extremes, bool]:
     """Return the extreme gaps at a pose as the true faces have them, and whether the bodies had been exact there.
 
-    Small pieces of a round solid lie less deep in another one than the whole of it. Where sizes shift round faces these
-    may be nearer at either end of these.
+    Small pieces of a round solid lie less deep in another one than the whole of it; at the `last` pose those that were
+    met elsewhere are left out. Where sizes shift round faces these may be nearer at either end of these.
     """
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
@@ -404,7 +404,12 @@ def true_extremes(
     refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
-    return Extremes(least, most, extremes.doubt), not refined
+    exact = not refined
+    for end in extremes[:2] if exact and last and not own else ():
+        tied = rows.of_pairs(end.rho[None])[:, 0] <= end.gap + DEFAULT.tie * true.size
+        parts = {*map(tuple, rows.pairs[tied].tolist())}
+        exact &= not true.leave_out(transform, end.rho - 1.0, end.gap, parts)
+    return Extremes(least, most, extremes.doubt), exact
 
 
 class ScaleGaps(NamedTuple):
