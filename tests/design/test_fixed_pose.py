@@ -669,3 +669,18 @@ def test_the_best_pose_of_pins_beside_their_holes_was_that_of_their_facets() -> 
     assert pose.amount == 0.0
     assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.911, 0.02), abs=1e-8)
     assert clearances(asked).range == pytest.approx((-0.911, 0.02), abs=1e-8)
+
+
+def test_the_best_pose_of_a_taper_had_a_least_gap_that_was_not_the_least() -> None:
+    """Radii differ by 8.05 rho_2 - 8.275 rho_1 + .225, and less by a fortieth of how far the plug is put in."""
+    plug = fo.joined(fo.Cone(7.3, 8.9, 64, facets=24), fo.Cylinder(8.9, 16, base=(0, 0, 64), facets=24), name="plug")
+    bore = fo.Cone(7.3 - 0.025, 8.85 + 0.025, 64, base=(0, 0, -1), facets=17)
+    socket = fo.cut(fo.Cylinder(15, 62, facets=24), bore, name="socket")
+    both = plug.with_seed((0, 0, 39)), socket.with_seed((0, 0, 30))
+    asked = fo.Problem(*both, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    pose = fo.best_pose(asked)
+    assert pose.passed
+    most = 0.02 * (8.05 + 8.275) / math.hypot(1, 0.025)
+    assert pose.parameters["TZ"] == pytest.approx(0.0, abs=1e-6)
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-most, most), abs=1e-7)
+    assert clearances(asked, pose=pose.transform).range == pytest.approx((-most, most), abs=1e-7)

@@ -404,7 +404,7 @@ def _of_gap(
             opened.append(q)
             continue
         if true is None:
-            return found, None
+            return found._replace(found=found.found._replace(off=worst.off(q, whole=True))), None
         at = transforms_of(problem, q)[""], extremes, found.found.off.rows
         exact = true_extremes(true, *at, own=scales is None, last=False)[1]
         if exact and effort == most * proves:
@@ -417,27 +417,27 @@ def _of_gap(
 
 
 def _on_true_faces(
-    worst_of: Callable[[], Worst], opened: Sequence[Array], found: _Best, true: TrueSizes, *, proved: bool
+    worst_of: Callable[[], Worst], opened: list[Array], found: _Best, true: TrueSizes, *, proved: bool
 ) -> _Best:
-    """Return what a pose is worth on true faces, of bodies made exact there; without a bound unless that is `proved`."""
+    """Return what a pose is worth on true faces, of bodies made exact there; with a bound where that is `proved`."""
     q = found.found.q
     for _ in range(ROUNDS):
         worst = worst_of()
         worst.leave_out_permanent(opened)
-        at, own = found_at(worst, q), isinstance(worst.scene, OwnSizes)
-        extremes, exact = true_extremes(true, worst.transform(q), at.off.extremes, at.off.rows, own=own)
+        off, own = worst.off(q, whole=True), isinstance(worst.scene, OwnSizes)
+        extremes, exact = true_extremes(true, worst.transform(q), off.extremes, off.rows, own=own)
         if exact:
             break
-    off, slack = worst.missed(extremes), worst.problem.contact_slack
-    values = {"value": off, "excess": off} if at.off.clear else {}
-    at = at._replace(off=at.off._replace(extremes=extremes, **values))
+    missed, slack = worst.missed(extremes), worst.problem.contact_slack
+    values = {"value": missed, "excess": missed} if off.clear else {}
+    off = off._replace(extremes=extremes, **values)
     windowed = (worst.low, worst.high) != (0.0, 0.0)
-    inside = windowed and at.off.value <= slack
-    status: Verdict = INSIDE if inside else UNDECIDED if windowed or not at.off.clear else BEST
-    value = amount_of(worst.problem, q) if inside else at.off.excess
+    inside = windowed and off.value <= slack
+    status: Verdict = INSIDE if inside else UNDECIDED if windowed or not off.clear else BEST
+    value = amount_of(worst.problem, q) if inside else off.excess
     return found._replace(
         worst=worst,
-        found=at,
+        found=found.found._replace(off=off),
         status=found.status if proved else status,
         value=value,
         bound=min(found.bound * proved, value),

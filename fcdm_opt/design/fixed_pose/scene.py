@@ -34,6 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
+FACING = 0.5  # cosine of the angle between directions that look the same way
 NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
 
 
@@ -132,8 +133,8 @@ class SizedBodies:
 class Scales(SizedBodies):
     """Two bodies of which all parts are known, scaled about their seeds.
 
-    Pieces at points where true faces meet are measured along the normals of these alone: small ones that overlap
-    deeply would come apart sooner sideways, or are through each other.
+    Pieces at points where true faces meet are measured along the normals of these where they overlap: small ones would
+    come apart sooner sideways, or are through each other.
     """
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
@@ -163,11 +164,15 @@ class Scales(SizedBodies):
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
         met = {} if every else normals_met((self.movable, self.static), pose[:9].reshape(3, 3))
         if met:
-            each = [
-                np.array([[*n, *self._plane(own, n, pose)] for n in met[own]]) if own in met else rows[start:end]
-                for own, start, end in zip(map(tuple, pairs.tolist()), first, first[1:], strict=False)
-            ]
-            rows, first = np.concatenate(each), np.cumsum([0, *map(len, each)])
+            kinds, added, places = np.full(len(rows), kernels.OTHER), list[Array](), list[int]()
+            for k, own in enumerate(map(tuple, pairs.tolist())):
+                for n in met.get(own, ()):
+                    there = slice(first[k], first[k + 1])
+                    kinds[there][rows[there, :3] @ n <= -FACING] = kernels.BACK
+                    added.append(np.array([*n, *self._plane(own, n, pose), kernels.MET]))
+                    places.append(k)
+            rows = np.insert(np.column_stack([rows, kinds]), first[places], np.array(added).reshape(-1, 7), axis=0)
+            first = first + np.searchsorted(places, np.arange(len(first)))
         return GapRows(rows, first, pairs, pose)
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
@@ -188,19 +193,20 @@ class Scales(SizedBodies):
         """Return the gaps of part pairs at a pose and sizes, (p, n)."""
         return self._rows(pose, pairs).of_pairs(sizes)
 
-    def extremes(self, at: GapRows) -> Extremes:
-        """Return the least and the largest gap over all sizes."""
+    def extremes(self, at: GapRows, window: tuple[float, float] | None = None) -> Extremes:
+        """Return the least and the largest gap over all sizes; within a window that only if it is off by more."""
         if self.sizes.pairs is not None:
             found = at.gaps(self.sizes.pairs)
             least, most = (at.at(self.sizes.pairs[k]) for k in (found.argmin(), found.argmax()))
             return Extremes(least, most)
         corners = self.sizes.corners
         values = at.of_pairs(corners)
-        most, doubt = self._most(at, corners, values)
-        return Extremes(self._least(at, corners, values), most, doubt)
+        least = self._least(at, corners, values)
+        most, doubt = self._most(at, corners, values, -np.inf if window is None else sum(window) - least.gap)
+        return Extremes(least, most, doubt)
 
-    def _most(self, at: GapRows, corners: Array, values: Array) -> tuple[Extreme, float]:
-        """Return the largest gap over the box, and by how much a larger one is not ruled out.
+    def _most(self, at: GapRows, corners: Array, values: Array, enough: float) -> tuple[Extreme, float]:
+        """Return the largest gap over the box, and by how much a larger one is not ruled out, if it may be `enough`.
 
         Over a piece no gap exceeds the mixture of the corners that does best against all part pairs: of convex
         functions, which lie below their mixtures, the least is asked.
@@ -213,7 +219,7 @@ class Scales(SizedBodies):
         near, numbers = DEFAULT.tie * self.size, count()
         heap = [(-_no_more(values), next(numbers), self.sizes.box, at)]
         for _ in range(PIECES):
-            if not heap or -heap[0][0] <= found + near:
+            if not heap or -heap[0][0] <= max(found + near, enough):
                 break
             top, _, box, rows = heappop(heap)
             axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.far))
@@ -237,10 +243,11 @@ class Scales(SizedBodies):
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
             one = at.only(np.array([p]))
-            planes = one.rows[:, 3:]
+            met = one.rows[one.rows[:, -1] == kernels.MET] if one.rows.shape[1] > 6 else one.rows[:0]
+            planes = (met if len(met) else one.rows)[:, 3:6]
             if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
-            for _ in range(PLANES):
+            for _ in range(1 if len(met) else PLANES):
                 level, rho = least_of(planes, self.sizes.box)
                 if level >= best.gap - near:
                     break

@@ -124,10 +124,11 @@ class Worst:
         """Return the relative pose at parameters q."""
         return self.scene.pose(self.transform(q))
 
-    def off(self, q: Array) -> Off:
-        """Return how far the worst gap is off at parameters q, over all sizes."""
+    def off(self, q: Array, *, whole: bool = False) -> Off:
+        """Return how far the worst gap is off at parameters q, over all sizes; the `whole` range only if asked for."""
         rows = self.rows(q)
-        found = self.scene.extremes(rows)
+        window = () if whole or not isinstance(self.scene, Scales) else ((self.low, self.high),)
+        found = self.scene.extremes(rows, *window)
         self._remember(found)
         off = self.missed(found)
         if off <= 0.0 and self.solid is not None and self._inside(q):
