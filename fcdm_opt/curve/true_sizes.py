@@ -7,7 +7,7 @@ exact there, until they are not: the exchange method, as for motions (`fcdm_opt.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -311,32 +311,16 @@ class TrueSizes:
         assert two is not None
         return one, two
 
-    def _meeting(self) -> tuple[list[int], list[tuple[int | None, ...]]]:
-        """Return the first piece of each body, by number of its part, and those at each two points, None for none."""
-        pieces, firsts = list[list[int | None]](), list[int]()
-        for body, points, at in zip(self.bodies, self.points, self._piece_points, strict=True):
-            firsts.append(len(body.parts) - len(at))
-            near = DEFAULT.tie * self.size
-            numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
-            pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
-        return firsts, [*zip(*pieces, strict=True)]
-
-    def leave_out(self, pose: Array, place: Array, gap: float, parts: Collection[tuple[int, int]]) -> bool:
-        """Leave out points of pieces, with a gap at sizes, whose true faces are further apart; tell whether any are."""
-        # where these have slid on each other, the normals known there are no longer theirs
-        asked = [k for k, own in enumerate(self._meeting()[1]) if own in parts]
-        near = {own.pairs for own in self.nearest(pose, place, gap + DEFAULT.tie * self.size)} if asked else set()
-        sides = zip(self.faces, self.points, strict=True)
-        met = zip(*(own.faces.at_each(x[asked], DIGITS * own.faces.body.rounding) for own, x in sides), strict=True)
-        slid = [k for k, own in zip(asked, met, strict=True) if frozenset(product(*own)) not in near]
-        self.points = [np.delete(own, slid, axis=0) for own in self.points]
-        self.bodies = self._exact()
-        return bool(slid)
-
     def apart(self) -> list[tuple[int, int]]:
         """Return part pairs that are not looked at: of pieces that meet others."""
-        firsts, both = self._meeting()
-        meeting = {*both}
+        pieces, firsts = list[list[int | None]](), list[int]()
+        for body, points in zip(self.bodies, self.points, strict=True):
+            own = () if body.exact is None else body.exact.pieces
+            firsts.append(len(body.parts) - len(own))
+            at, near = [body.vertices[piece.first - 1] for piece in own], DEFAULT.tie * self.size
+            numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
+            pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
+        meeting = {*zip(*pieces, strict=True)}
         return [
             (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
             if (i >= firsts[0] or j >= firsts[1])

@@ -684,3 +684,18 @@ def test_the_best_pose_of_a_taper_had_a_least_gap_that_was_not_the_least() -> No
     assert pose.parameters["TZ"] == pytest.approx(0.0, abs=1e-6)
     assert (pose.least.gap, pose.most.gap) == pytest.approx((-most, most), abs=1e-7)
     assert clearances(asked, pose=pose.transform).range == pytest.approx((-most, most), abs=1e-7)
+
+
+def test_the_gap_of_a_ball_on_the_rim_of_a_hole_was_that_of_facets() -> None:
+    """Lifted by s gaps are |(6 rho_2, 8 + s)| - 10 rho_1: as far off zero, by .272, where s is about 0."""
+    hole = fo.Cylinder(6, 20, base=(0, 0, -16), facets=24)
+    plate = fo.cut(fo.Box((40, 40, 12), centre=(0, 0, -6)), hole, name="plate").with_seed((0, 0, 0))
+    ball = fo.Sphere(10, centre=(0, 0, 8), name="ball")
+    asked = fo.Problem(ball, plate, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    pose = fo.best_pose(asked, certify=False)
+    assert pose.passed
+    least, most = (
+        math.hypot(6 * two, 8 + pose.parameters["TZ"]) - 10 * one for one, two in ((1.02, 0.98), (0.98, 1.02))
+    )
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((least, most), abs=1e-9)
+    assert 0.272 - 1e-6 <= pose.worst_gap <= 0.272 * 1.01

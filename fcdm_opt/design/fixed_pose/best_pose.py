@@ -429,8 +429,8 @@ def _on_true_faces(
         if exact:
             break
     missed, slack = worst.missed(extremes), worst.problem.contact_slack
-    values = {"value": missed, "excess": missed} if off.clear else {}
-    off = off._replace(extremes=extremes, **values)
+    off = off._replace(extremes=extremes)
+    off = off._replace(value=missed, excess=missed) if off.clear else off
     windowed = (worst.low, worst.high) != (0.0, 0.0)
     inside = windowed and off.value <= slack
     status: Verdict = INSIDE if inside else UNDECIDED if windowed or not off.clear else BEST

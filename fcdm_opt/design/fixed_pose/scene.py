@@ -402,8 +402,8 @@ def true_extremes(
 ) -> tuple[Extremes, bool]:
     """Return the extreme gaps at a pose as the true faces have them, and whether the bodies had been exact there.
 
-    Small pieces of a round solid lie less deep in another one than the whole of it; at the `last` pose those that were
-    met elsewhere are left out. Where sizes shift round faces these may be nearer at either end of these.
+    Small pieces of a round solid lie less deep in another one than the whole of it, or deeper where they have slid on
+    each other: asked at the `last` pose. Where sizes shift round faces these may be nearer at either end of these.
     """
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
@@ -411,12 +411,23 @@ def true_extremes(
     refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
-    exact = not refined
-    for end in extremes[:2] if exact and last and not own else ():
-        tied = rows.of_pairs(end.rho[None])[:, 0] <= end.gap + DEFAULT.tie * true.size
-        parts = {*map(tuple, rows.pairs[tied].tolist())}
-        exact &= not true.leave_out(transform, end.rho - 1.0, end.gap, parts)
-    return Extremes(least, most, extremes.doubt), exact
+    if own or refined or not last:
+        return Extremes(least, most, extremes.doubt), not refined
+    return Extremes(*(_of_slid(true, transform, end, rows) for end in (least, most)), extremes.doubt), True
+
+
+def _of_slid(true: TrueSizes, transform: Array, end: Extreme, rows: GapRows) -> Extreme:
+    """Return an extreme gap, of pieces that have slid on each other since they met, as the true faces have it."""
+    # the normals known there are then no longer theirs: they are nearer along these than anywhere
+    met = normals_met(true.bodies, transform)
+    if end.parts not in met or true.nearest(transform, end.rho - 1.0, end.gap + DEFAULT.tie * true.size):
+        return end
+    near = true.nearest(transform, end.rho - 1.0, max(abs(end.gap), NEAR * true.size))
+    others = rows.only(np.array([k for k, own in enumerate(map(tuple, rows.pairs.tolist())) if own not in met], int))
+    beside = others.at(end.rho) if len(others.pairs) else end._replace(gap=np.inf)
+    if near and near[0].gap < beside.gap:
+        return end._replace(gap=near[0].gap, way=frozen(near[0].normal))
+    return beside if np.isfinite(beside.gap) else end
 
 
 class ScaleGaps(NamedTuple):
