@@ -412,8 +412,8 @@ def _of_gap(
         effort = most * proves * exact
     if true is None:
         return found._replace(bound=min(found.value, 0.0), done=False), None
-    told = partial(Worst.of, problem, scales, *window, true)
-    return _on_true_faces(told, opened, found, true, proved=bool(exact and proves and most)), true
+    worst_of = partial(Worst.of, problem, scales, *window, true)
+    return _on_true_faces(worst_of, opened, found, true, proved=bool(exact and proves and most)), true
 
 
 def _on_true_faces(

@@ -258,11 +258,10 @@ class Scales(SizedBodies):
                 planes = np.vstack([planes, self._plane(here.parts, here.way, at.pose)])
         return best
 
-    def _plane(self, parts: tuple[int, int], way: Array, pose: Array) -> Array:
+    def _plane(self, parts: tuple[int, int], n: Array, pose: Array) -> Array:
         """Return the separation of a part pair along a direction, and its rates by the scales."""
         own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, parts, strict=True))
-        inward = way @ pose[:9].reshape(3, 3)
-        return np.array([way @ pose[9:], -(own @ inward).max(), (other @ way).min()])
+        return np.array([n @ pose[9:], -(own @ (n @ pose[:9].reshape(3, 3))).max(), (other @ n).min()])
 
     def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme, along its direction."""
@@ -411,9 +410,9 @@ def true_extremes(
     refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
-    if own or refined or not last:
-        return Extremes(least, most, extremes.doubt), not refined
-    return Extremes(*(_of_slid(true, transform, end, rows) for end in (least, most)), extremes.doubt), True
+    if last and not (own or refined):
+        least, most = (_of_slid(true, transform, end, rows) for end in (least, most))
+    return Extremes(least, most, extremes.doubt), not refined
 
 
 def _of_slid(true: TrueSizes, transform: Array, end: Extreme, rows: GapRows) -> Extreme:
@@ -423,11 +422,10 @@ def _of_slid(true: TrueSizes, transform: Array, end: Extreme, rows: GapRows) -> 
     if end.parts not in met or true.nearest(transform, end.rho - 1.0, end.gap + DEFAULT.tie * true.size):
         return end
     near = true.nearest(transform, end.rho - 1.0, max(abs(end.gap), NEAR * true.size))
-    others = rows.only(np.array([k for k, own in enumerate(map(tuple, rows.pairs.tolist())) if own not in met], int))
-    beside = others.at(end.rho) if len(others.pairs) else end._replace(gap=np.inf)
-    if near and near[0].gap < beside.gap:
-        return end._replace(gap=near[0].gap, way=frozen(near[0].normal))
-    return beside if np.isfinite(beside.gap) else end
+    found = [end._replace(gap=own.gap, way=frozen(own.normal)) for own in near[:1]]
+    others = [k for k, own in enumerate(map(tuple, rows.pairs.tolist())) if own not in met]
+    found += [rows.only(np.array(others)).at(end.rho)] if others else []
+    return min(found, key=lambda own: own.gap, default=end)
 
 
 class ScaleGaps(NamedTuple):
