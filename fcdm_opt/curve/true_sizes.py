@@ -56,7 +56,7 @@ def touching_true_faces(
     along = (how.get("shifts") or (np.empty((0, 3)),))[0]
     for turn in range(ROUNDS if at_all is not None else 0):
         assert at_all is not None
-        apart, met = at_all.apart(), at_all.normals_met(pose)
+        apart, met = at_all.apart(), normals_met(at_all.bodies, pose)
         every = TouchingSizes.of(*at_all.bodies, sizes, transform=transform, without=apart, normals=met, **how)
         found = at_all.all_around(at_all.counted(every), pose, along)
         ends = [own[::-1] for own in (found.least(), found.largest())]
@@ -232,6 +232,18 @@ def _flush(contact: TrueContact, faces: Sequence[TrueFaces]) -> bool:
     return any(n @ other < DEFAULT.nominal - 1.0 for n, other in product(one, two))
 
 
+def normals_met(bodies: tuple[Body, Body], pose: Array) -> dict[tuple[int, int], Array]:
+    """Return the normals of round faces, (k, 3), of each two pieces at points of these: other rows are aslant."""
+    found = dict[tuple[int, int], Array]()
+    pieces = [() if body.exact is None else body.exact.pieces for body in bodies]
+    first, second = (len(body.parts) - len(own) for body, own in zip(bodies, pieces, strict=True))
+    sides = [own.normals @ pose[:3, :3].T for own in pieces[0]], [-own.normals for own in pieces[1]]
+    for (i, one), (j, two) in product(*map(enumerate, sides)):
+        if normals := [own for own in (one, two) if len(own) == 1]:
+            found[first + i, second + j] = np.concatenate(normals)
+    return found
+
+
 class TrueSizes:
     """Two bodies with round faces that follow sizes, exact at a list of points that grows.
 
@@ -328,17 +340,6 @@ class TrueSizes:
                 self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
         kept = tuple(own for own in found.pairs if not self._within_round(own))
         return replace(found, pairs=kept or found.pairs)
-
-    def normals_met(self, pose: Array) -> dict[tuple[int, int], Array]:
-        """Return the normals of round faces, (k, 3), of each two pieces at points of these: other rows are aslant."""
-        found = dict[tuple[int, int], Array]()
-        pieces = [() if body.exact is None else body.exact.pieces for body in self.bodies]
-        for i, j in np.ndindex(*map(len, pieces)):
-            met = (pieces[0][i].normals @ pose[:3, :3].T, -pieces[1][j].normals)
-            if normals := [own for own in met if len(own) == 1]:
-                first = (len(body.parts) - len(own) for body, own in zip(self.bodies, pieces, strict=True))
-                found[next(first) + i, next(first) + j] = np.concatenate(normals)
-        return found
 
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
         """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.

@@ -615,3 +615,87 @@ def test_gaps_were_those_of_facets_where_making_points_exact_came_to_no_end(monk
     scaled = clearances(free, box=((0.99, 1.01), (1.0, 1.0)), pose=(0.06, 0.08))
     assert scaled.on_true_faces
     assert scaled.range == pytest.approx((0.35, 0.45), abs=1e-6)
+
+
+def _countersunk(**more: Any) -> fo.Problem:
+    """A cone of 45 degrees, radius 6 at z = 0, in a countersink of 5.6 there; both within 2 % about the origin."""
+    head, shank = fo.Cone(3, 6, 3, base=(0, 0, -3), facets=24), fo.Cylinder(3, 9, base=(0, 0, -12), facets=24)
+    hole = fo.Cone(3.3, 5.6, 2.3, base=(0, 0, -2.3), facets=18)
+    through = fo.Cylinder(3.3, 10, base=(0, 0, -10), facets=18)
+    plate = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, -3)), hole, through, name="plate").with_seed((0, 0, 0))
+    screw = fo.joined(head, shank, name="screw").with_seed((0, 0, 0))
+    return fo.Problem(screw, plate, tolerance=0.02, requirement="A", goal="clear", motion=fo.Translation("z"), **more)
+
+
+def test_the_best_pose_of_cones_that_overlap_was_that_of_small_pieces_which_slide_off_each_other() -> None:
+    """Lifted by s gaps are (s - 6 rho_1 + 5.6 rho_2) / sqrt(2): as far off zero at s = .4."""
+    pose = fo.best_pose(_countersunk())
+    assert pose.passed
+    assert pose.on_true_faces
+    assert pose.parameters["TZ"] == pytest.approx(0.4, abs=1e-8)
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.232 / 2**0.5, 0.232 / 2**0.5), abs=1e-8)
+    clear = fo.best_pose(_countersunk(limits={"TZ": (-2, 2)}), clearance=(0, math.inf))
+    assert clear.passed
+    assert clear.amount == pytest.approx(0.632, abs=1e-8)
+    assert 0.632 * (1 - 2 * ACCURACY) <= clear.lower_bound <= clear.amount
+    none = fo.best_pose(_countersunk(limits={"TZ": (-0.5, 0.5)}), clearance=(0, math.inf))
+    assert none.passed
+    assert none.status == "no pose"
+    assert none.violation == pytest.approx(0.132 / 2**0.5, abs=1e-8)
+    assert none.lower_bound <= none.violation
+
+
+def test_the_best_pose_of_a_pin_too_large_for_its_bore_with_a_keyway_was_beside_the_middle() -> None:
+    """The bore's centre is at rho_2 - 1 along y: of the tightest at -.02, where gaps are from -.6 to .6 - .04."""
+    bore, rim = fo.Cylinder(15, 40, base=(0, 0, -20), facets=18), fo.Cylinder(25, 20, base=(0, 0, -10), facets=24)
+    pin = fo.Cylinder(15, 40, base=(0, 0, -20), facets=24)
+    hub = fo.cut(rim, bore, fo.Box((8, 10, 30), centre=(0, 16, 0)), name="hub").with_seed((0, -1, 0))
+    asked = fo.Problem(pin, hub, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("y"))
+    pose = fo.best_pose(asked)
+    assert pose.passed
+    assert pose.parameters["TY"] == pytest.approx(-0.02, abs=1e-8)
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.6, 0.56), abs=1e-8)
+
+
+def test_the_best_pose_of_pins_beside_their_holes_was_that_of_their_facets() -> None:
+    """Of pins at -20 and 20 the least gap is .05 - .02 (4 + 4.05 + 2 * 20), however far they are put in."""
+    pins = [fo.Cylinder(4, 5, base=(x, 0, -1), facets=24) for x in (-20, 20)]
+    holes = [fo.Cylinder(4.05, 20, base=(x, 0, -5), facets=18) for x in (-20, 20)]
+    base = fo.joined(fo.Box((60, 20, 6), centre=(0, 0, -3)), *pins, name="base").with_seed((0, 0, 0))
+    cover = fo.cut(fo.Box((60, 20, 6), centre=(0, 0, 3)), *holes, name="cover").with_seed((0, 0, 1))
+    asked = fo.Problem(cover, base, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    pose = fo.best_pose(asked)
+    assert pose.passed
+    assert pose.amount == 0.0
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.911, 0.02), abs=1e-8)
+    assert clearances(asked).range == pytest.approx((-0.911, 0.02), abs=1e-8)
+
+
+def test_the_best_pose_of_a_taper_had_a_least_gap_that_was_not_the_least() -> None:
+    """Radii differ by 8.05 rho_2 - 8.275 rho_1 + .225, and less by a fortieth of how far the plug is put in."""
+    plug = fo.joined(fo.Cone(7.3, 8.9, 64, facets=24), fo.Cylinder(8.9, 16, base=(0, 0, 64), facets=24), name="plug")
+    bore = fo.Cone(7.3 - 0.025, 8.85 + 0.025, 64, base=(0, 0, -1), facets=17)
+    socket = fo.cut(fo.Cylinder(15, 62, facets=24), bore, name="socket")
+    both = plug.with_seed((0, 0, 39)), socket.with_seed((0, 0, 30))
+    asked = fo.Problem(*both, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    pose = fo.best_pose(asked)
+    assert pose.passed
+    most = 0.02 * (8.05 + 8.275) / math.hypot(1, 0.025)
+    assert pose.parameters["TZ"] == pytest.approx(0.0, abs=1e-6)
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((-most, most), abs=1e-7)
+    assert clearances(asked, pose=pose.transform).range == pytest.approx((-most, most), abs=1e-7)
+
+
+def test_the_gap_of_a_ball_on_the_rim_of_a_hole_was_that_of_facets() -> None:
+    """Lifted by s gaps are |(6 rho_2, 8 + s)| - 10 rho_1: as far off zero, by .272, where s is about 0."""
+    hole = fo.Cylinder(6, 20, base=(0, 0, -16), facets=24)
+    plate = fo.cut(fo.Box((40, 40, 12), centre=(0, 0, -6)), hole, name="plate").with_seed((0, 0, 0))
+    ball = fo.Sphere(10, centre=(0, 0, 8), name="ball")
+    asked = fo.Problem(ball, plate, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    pose = fo.best_pose(asked, certify=False)
+    assert pose.passed
+    least, most = (
+        math.hypot(6 * two, 8 + pose.parameters["TZ"]) - 10 * one for one, two in ((1.02, 0.98), (0.98, 1.02))
+    )
+    assert (pose.least.gap, pose.most.gap) == pytest.approx((least, most), abs=1e-9)
+    assert 0.272 - 1e-6 <= pose.worst_gap <= 0.272 * 1.01

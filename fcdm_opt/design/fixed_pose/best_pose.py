@@ -17,7 +17,7 @@ from fcdm_opt.design.fixed_pose.cells import Search
 from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
-from fcdm_opt.design.fixed_pose.scene import true_extremes, true_sizes
+from fcdm_opt.design.fixed_pose.scene import OwnSizes, true_extremes, true_sizes
 from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
@@ -403,33 +403,46 @@ def _of_gap(
         if scales is None and worst.opened(q):
             opened.append(q)
             continue
-        pose = transforms_of(problem, q)[""]
-        exact = true is None or true_extremes(true, pose, extremes, found.found.off.rows, own=scales is None)[1]
+        if true is None:
+            return found._replace(found=found.found._replace(off=worst.off(q, whole=True))), None
+        at = transforms_of(problem, q)[""], extremes, found.found.off.rows
+        exact = true_extremes(true, *at, own=scales is None, last=False)[1]
         if exact and effort == most * proves:
             break
         effort = most * proves * exact
-    if exact and (true is None or (proves and most)):
-        return found, true
-    found = found if exact or true is None else _at_last(problem, scales, window, found, true)
-    return found._replace(bound=min(found.value, 0.0), done=False), true
+    if true is None:
+        return found._replace(bound=min(found.value, 0.0), done=False), None
+    worst_of = partial(Worst.of, problem, scales, *window, true)
+    return _on_true_faces(worst_of, opened, found, true, proved=bool(exact and proves and most)), true
 
 
-def _at_last(
-    problem: Problem, scales: Sizes | None, window: tuple[float, float], found: _Best, true: TrueSizes
+def _on_true_faces(
+    worst_of: Callable[[], Worst], opened: list[Array], found: _Best, true: TrueSizes, *, proved: bool
 ) -> _Best:
-    """Return what a pose is worth on true faces, of bodies made exact there alone."""
+    """Return what a pose is worth on true faces, of bodies made exact there; with a bound where that is `proved`."""
     q = found.found.q
     for _ in range(ROUNDS):
-        worst = Worst.of(problem, scales, *window, true)
-        worst.leave_out_permanent()
-        at = found_at(worst, q)
-        pose = transforms_of(problem, q)[""]
-        if true_extremes(true, pose, at.off.extremes, at.off.rows, own=scales is None)[1]:
+        worst = worst_of()
+        worst.leave_out_permanent(opened)
+        off, own = worst.off(q, whole=True), isinstance(worst.scene, OwnSizes)
+        extremes, exact = true_extremes(true, worst.transform(q), off.extremes, off.rows, own=own)
+        if exact:
             break
-    inside = window != (0.0, 0.0) and at.off.value <= problem.contact_slack
-    status: Verdict = INSIDE if inside else UNDECIDED if window != (0.0, 0.0) or not at.off.clear else BEST
-    value = amount_of(problem, q) if inside else at.off.excess
-    return found._replace(worst=worst, found=at, status=status, value=value)
+    missed, slack = worst.missed(extremes), worst.problem.contact_slack
+    off = off._replace(extremes=extremes)
+    off = off._replace(value=missed, excess=missed) if off.clear else off
+    windowed = (worst.low, worst.high) != (0.0, 0.0)
+    inside = windowed and off.value <= slack
+    status: Verdict = INSIDE if inside else UNDECIDED if windowed or not off.clear else BEST
+    value = amount_of(worst.problem, q) if inside else off.excess
+    return found._replace(
+        worst=worst,
+        found=found.found._replace(off=off),
+        status=found.status if proved else status,
+        value=value,
+        bound=min(found.bound * proved, value),
+        done=proved and found.done and value - found.value <= slack,
+    )
 
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:

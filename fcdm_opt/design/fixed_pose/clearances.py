@@ -289,7 +289,8 @@ def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) ->
     pairs, source = drawn(whole)
     facets = problem.of_facets
     scene, at, extremes, true = ScaleGaps.of(facets.movable, facets.static, transform, whole)
-    wider = Scales(scene.movable, scene.static, Sizes(frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))))
+    ends = frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))
+    wider = Scales(scene.movable, scene.static, Sizes(ends), scene.apart)
     wider.permanent = scene.permanent
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
     claimed = GapClaims(

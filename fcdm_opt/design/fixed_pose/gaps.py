@@ -30,6 +30,7 @@ from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
+OTHER, MET, BACK = 0.0, 1.0, 2.0  # kinds of rows, see `pair_gap`
 _INF = np.inf
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
 
@@ -70,15 +71,26 @@ def _level(rows, k, sizes, shift):
 
 @kernel
 def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
-    """Return a part pair's signed distance, and write the direction that has it; no less than `enough` is asked."""
+    """Return a part pair's signed distance, and write the direction that has it; no less than `enough` is asked.
+
+    With a column after the sizes' the first of its rows may be `MET`: of pieces that overlap by all but `BACK` ones it
+    is the largest along these.
+    """
     # of parts that are apart it is the length of the least vector on the inner side of all planes
-    best, widest = -_INF, start
+    best, widest, before, met = -_INF, start, -_INF, start
+    kinds = rows.shape[1] > 4 + len(sizes) and rows[start, 4 + len(sizes)] == MET
     for k in range(start, end):
         level = _level(rows, k, sizes, shift)
         if level > best:
             best, widest = level, k
-            if best >= enough:
+            if best >= enough and not kinds:
                 break
+        if kinds and rows[k, 4 + len(sizes)] != BACK:
+            before = max(before, level)
+        if kinds and rows[k, 4 + len(sizes)] == MET and level > _level(rows, met, sizes, shift):
+            met = k
+    if kinds and before <= 0.0:
+        best, widest = _level(rows, met, sizes, shift), met
     way[0], way[1], way[2] = rows[widest, 0], rows[widest, 1], rows[widest, 2]
     if along_rows or best <= 0.0 or best >= enough:
         return best

@@ -22,7 +22,7 @@ from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
-from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes
+from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes, normals_met
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
 from fcdm_opt.design.sizes import SCALES, Sizes, tolerance_boxes
@@ -34,6 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
+FACING = 0.5  # cosine of the angle between directions that look the same way
 NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
 
 
@@ -130,7 +131,11 @@ class SizedBodies:
 
 
 class Scales(SizedBodies):
-    """Two bodies of which all parts are known, scaled about their seeds."""
+    """Two bodies of which all parts are known, scaled about their seeds.
+
+    Pieces at points where true faces meet are measured along the normals of these where they overlap: small ones would
+    come apart sooner sideways, or are through each other.
+    """
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
         super().__init__(movable, static, sizes, apart)
@@ -155,12 +160,24 @@ class Scales(SizedBodies):
         each = (self._rows(pose, own[None]) for own in (found if len(found) < len(off) else ()))
         return {tuple(at.pairs[0].tolist()): self.feature(at, at.at(self.middle)) for at in each}
 
-    def _rows(self, pose: Array, pairs: Ints) -> GapRows:
+    def _rows(self, pose: Array, pairs: Ints, *, every: bool = False) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
+        met = {} if every else normals_met((self.movable, self.static), pose[:9].reshape(3, 3))
+        if met:
+            kinds, added, places = np.full(len(rows), kernels.OTHER), list[Array](), list[int]()
+            for k, own in enumerate(map(tuple, pairs.tolist())):
+                for n in met.get(own, ()):
+                    there = slice(first[k], first[k + 1])
+                    kinds[there][rows[there, :3] @ n <= -FACING] = kernels.BACK
+                    added.append(np.array([*n, *self._plane(own, n, pose), kernels.MET]))
+                    places.append(k)
+            rows = np.insert(np.column_stack([rows, kinds]), first[places], np.array(added).reshape(-1, 7), axis=0)
+            first = first + np.searchsorted(places, np.arange(len(first)))
         return GapRows(rows, first, pairs, pose)
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, of all part pairs that may have the least gap, points off it by up to `slack`."""
+        # with slack those along all normals: elsewhere the pieces may meet along others
         pairs = self._pairs
         if len(pairs) > 1:
             middle, spread = self.middle, self.spread
@@ -170,25 +187,26 @@ class Scales(SizedBodies):
             pairs = pairs[bounds <= gap + 2.0 * (spread + slack) + DEFAULT.prune * self.size]
             if not len(pairs):
                 pairs = nearest
-        return self._rows(pose, pairs)
+        return self._rows(pose, pairs, every=slack > 0.0)
 
     def of_pairs(self, pose: Array, pairs: Ints, sizes: Array) -> Array:
         """Return the gaps of part pairs at a pose and sizes, (p, n)."""
         return self._rows(pose, pairs).of_pairs(sizes)
 
-    def extremes(self, at: GapRows) -> Extremes:
-        """Return the least and the largest gap over all sizes."""
+    def extremes(self, at: GapRows, window: tuple[float, float] | None = None) -> Extremes:
+        """Return the least and the largest gap over all sizes; within a window that only if it is off by more."""
         if self.sizes.pairs is not None:
             found = at.gaps(self.sizes.pairs)
             least, most = (at.at(self.sizes.pairs[k]) for k in (found.argmin(), found.argmax()))
             return Extremes(least, most)
         corners = self.sizes.corners
         values = at.of_pairs(corners)
-        most, doubt = self._most(at, corners, values)
-        return Extremes(self._least(at, corners, values), most, doubt)
+        least = self._least(at, corners, values)
+        most, doubt = self._most(at, corners, values, -np.inf if window is None else sum(window) - least.gap)
+        return Extremes(least, most, doubt)
 
-    def _most(self, at: GapRows, corners: Array, values: Array) -> tuple[Extreme, float]:
-        """Return the largest gap over the box, and by how much a larger one is not ruled out.
+    def _most(self, at: GapRows, corners: Array, values: Array, enough: float) -> tuple[Extreme, float]:
+        """Return the largest gap over the box, and by how much a larger one is not ruled out, if it may be `enough`.
 
         Over a piece no gap exceeds the mixture of the corners that does best against all part pairs: of convex
         functions, which lie below their mixtures, the least is asked.
@@ -201,7 +219,7 @@ class Scales(SizedBodies):
         near, numbers = DEFAULT.tie * self.size, count()
         heap = [(-_no_more(values), next(numbers), self.sizes.box, at)]
         for _ in range(PIECES):
-            if not heap or -heap[0][0] <= found + near:
+            if not heap or -heap[0][0] <= max(found + near, enough):
                 break
             top, _, box, rows = heappop(heap)
             axis = int(np.argmax((box[:, 1] - box[:, 0]) * self.far))
@@ -225,10 +243,11 @@ class Scales(SizedBodies):
         near, middle, half = DEFAULT.tie * self.size, self.sizes.middle, self.sizes.half
         for p in np.argsort(values.min(axis=1)).tolist():
             one = at.only(np.array([p]))
-            planes = one.rows[:, 3:]
+            met = one.rows[one.rows[:, -1] == kernels.MET] if one.rows.shape[1] > 6 else one.rows[:0]
+            planes = (met if len(met) else one.rows)[:, 3:6]
             if (planes[:, 0] + planes[:, 1:] @ middle - np.abs(planes[:, 1:]) @ half).max() >= best.gap - near:
                 continue  # along one direction no gap of this pair is less
-            for _ in range(PLANES):
+            for _ in range(1 if len(met) else PLANES):
                 level, rho = least_of(planes, self.sizes.box)
                 if level >= best.gap - near:
                     break
@@ -236,14 +255,13 @@ class Scales(SizedBodies):
                 if here.gap - level <= near:
                     best = at.at(rho)
                     break
-                planes = np.vstack([planes, self._plane(here, at.pose)])
+                planes = np.vstack([planes, self._plane(here.parts, here.way, at.pose)])
         return best
 
-    def _plane(self, here: Extreme, pose: Array) -> Array:
+    def _plane(self, parts: tuple[int, int], n: Array, pose: Array) -> Array:
         """Return the separation of a part pair along a direction, and its rates by the scales."""
-        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, here.parts, strict=True))
-        inward = here.way @ pose[:9].reshape(3, 3)
-        return np.array([here.way @ pose[9:], -(own @ inward).max(), (other @ here.way).min()])
+        own, other = (v[s[k] : s[k + 1]] for v, s, k in zip(self.vertices, self.starts, parts, strict=True))
+        return np.array([n @ pose[9:], -(own @ (n @ pose[:9].reshape(3, 3))).max(), (other @ n).min()])
 
     def feature(self, at: GapRows, extreme: Extreme) -> Feature:
         """Return the features that face each other at an extreme, along its direction."""
@@ -379,12 +397,12 @@ def true_scales(movable: Body, static: Body, sizes: Sizes) -> TrueSizes | None:
 
 
 def true_extremes(
-    true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool
+    true: TrueSizes, transform: Array, extremes: Extremes, rows: GapRows, *, own: bool, last: bool = True
 ) -> tuple[Extremes, bool]:
     """Return the extreme gaps at a pose as the true faces have them, and whether the bodies had been exact there.
 
-    Small pieces of a round solid lie less deep in another one than the whole of it. Where sizes shift round faces these
-    may be nearer at either end of these.
+    Small pieces of a round solid lie less deep in another one than the whole of it, or deeper where they have slid on
+    each other: asked at the `last` pose. Where sizes shift round faces these may be nearer at either end of these.
     """
     ends = [(end.rho - (0.0 if own else 1.0), end.gap) for end in extremes[:2]]
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
@@ -392,7 +410,22 @@ def true_extremes(
     refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
     found = zip(extremes[:2], true.deepest[:2], strict=True)
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
+    if last and not (own or refined):
+        least, most = (_of_slid(true, transform, end, rows) for end in (least, most))
     return Extremes(least, most, extremes.doubt), not refined
+
+
+def _of_slid(true: TrueSizes, transform: Array, end: Extreme, rows: GapRows) -> Extreme:
+    """Return an extreme gap, of pieces that have slid on each other since they met, as the true faces have it."""
+    # the normals known there are then no longer theirs: they are nearer along these than anywhere
+    met = normals_met(true.bodies, transform)
+    if end.parts not in met or true.nearest(transform, end.rho - 1.0, end.gap + DEFAULT.tie * true.size):
+        return end
+    near = true.nearest(transform, end.rho - 1.0, max(abs(end.gap), NEAR * true.size))
+    found = [end._replace(gap=own.gap, way=frozen(own.normal)) for own in near[:1]]
+    others = [k for k, own in enumerate(map(tuple, rows.pairs.tolist())) if own not in met]
+    found += [rows.only(np.array(others)).at(end.rho)] if others else []
+    return min(found, key=lambda own: own.gap, default=end)
 
 
 class ScaleGaps(NamedTuple):
@@ -412,7 +445,7 @@ class ScaleGaps(NamedTuple):
         sizes = Sizes(box)
         true = true_scales(movable, static, sizes)
         for _ in range(ROUNDS):
-            scene = Scales(*((movable, static) if true is None else true.bodies), sizes)
+            scene = Scales(movable, static, sizes) if true is None else Scales(*true.bodies, sizes, true.apart())
             pose = scene.pose(transform)
             scene.leave_out([pose])
             rows = scene.rows(pose)

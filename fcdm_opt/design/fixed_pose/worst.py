@@ -124,17 +124,22 @@ class Worst:
         """Return the relative pose at parameters q."""
         return self.scene.pose(self.transform(q))
 
-    def off(self, q: Array) -> Off:
-        """Return how far the worst gap is off at parameters q, over all sizes."""
+    def off(self, q: Array, *, whole: bool = False) -> Off:
+        """Return how far the worst gap is off at parameters q, over all sizes; the `whole` range only if asked for."""
         rows = self.rows(q)
-        found = self.scene.extremes(rows)
+        window = () if whole or not isinstance(self.scene, Scales) else ((self.low, self.high),)
+        found = self.scene.extremes(rows, *window)
         self._remember(found)
-        off = max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
+        off = self.missed(found)
         if off <= 0.0 and self.solid is not None and self._inside(q):
             off = self.scene.size
         overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
         clear = overlap <= self.problem.contact_slack
         return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
+
+    def missed(self, found: Extremes) -> float:
+        """Return how far extremes of the gap are off the window."""
+        return max(found.most.gap + found.doubt - self.high, self.low - found.least.gap)
 
     def rows(self, q: Array) -> Any:
         """Return the rows of the gap at parameters q."""
