@@ -406,7 +406,8 @@ def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path:
     told = re.search(r"\(CAD\) by \[(.*)\] mm: the shortest way, (.*) mm along", said)
     assert told is not None
     shift = np.array([float(x) for x in told.group(1).split(",")])
-    assert float(told.group(2)) == pytest.approx(np.linalg.norm(shift), rel=2e-6) == pytest.approx(lift / 2**0.5, rel=1e-4)
+    length = float(told.group(2))
+    assert length == pytest.approx(np.linalg.norm(shift), rel=2e-6) == pytest.approx(lift / 2**0.5, rel=1e-4)
     assert np.abs(shift) == pytest.approx([lift / 2, 0.0, lift / 2], rel=1e-4)
     one, two = (Body.from_file(tmp_path / f"{name}.stl", unit="mm") for name in ("wedge", "block"))
     pose = np.eye(4)
