@@ -545,6 +545,40 @@ def test_a_shop_gets_a_sheet_a_case_with_room_to_sign(wide, payload):
             assert not wide.page.is_visible(hidden)
 
 
+def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_letters_of_four_points(browser, tmp_path):
+    """A drawer in a housing, six sizes with the stack-up of all: where it is closed, and where nothing fits."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    housing = fo.cut(fo.Box((40, 70, 20), centre=(0, 25, 6)), fo.Box((30.2, 60, 12.15), centre=(0, 30, 6.075)))
+    drawer = fo.Box((30, 60, 10), centre=(0, 30, 5), name="drawer")
+    flanks = [({"through": (-x, 20, 5)}, {"through": (x, 20, 5)}) for x in (15, 15.1)]
+    sizes = [
+        fo.Size("drawer width", "movable", faces=flanks[0], each=0.5, tolerance=(-0.052, 0)),
+        fo.Size("cavity width", "static", faces=flanks[1], each=-0.5, tolerance=(0, 0.052)),
+        fo.Size("cavity place", "static", faces=flanks[1], along="x", tolerance=0.03),
+        fo.Size("drawer height", "movable", faces={"through": (14, 20, 10)}, tolerance=(-0.043, 0)),
+        fo.Size("cavity height", "static", faces={"through": (0, 20, 12.15)}, each=-1, tolerance=(0, 0.07)),
+        fo.Size("stop", "static", faces={"through": (0, 0, 5)}, tolerance=0.1),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked = fo.Problem(drawer, housing, sizes=sizes, motion=motion, goal="seat", contacts="all", unit="mm")
+    short = asked.changed(name="stop short", made={"stop": 0.08, "drawer height": -0.02})
+    wide = asked.changed(name="too wide", goal="clear", contacts=None, made={"stop": 0.08, "drawer width": 0.3})
+    (tmp_path / "report.html").write_text(page(gather([Read(tmp_path / "drawer.toml", "", "", (short, wide))])), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1040})  # A4
+    with on_paper(opened, "sheets") as pages:
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert [pages(size) for size in ("A4", "Letter")] == [2, 2]
+        letters = opened.page.evaluate(
+            "[...document.querySelectorAll('.answer svg text')].map(t => parseFloat(getComputedStyle(t).fontSize)"
+            " * t.getScreenCTM().a)"
+        )
+        assert len(letters) > 6
+        assert min(letters) >= 0.98 * 7 * 96 / 72  # seven points
+    opened.context.close()
+
+
 def test_paper_shows_the_details_of_the_chosen_case_where_they_are_wanted(wide):
     with on_paper(wide, "case") as pages:
         assert [wide.page.is_visible(f"#case-{number}") for number in range(len(CASES))] == [True, False]

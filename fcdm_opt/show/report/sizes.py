@@ -49,12 +49,16 @@ def _moved(size: Size) -> str:
     """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
     if size.scale is not None:
         return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
+    alike = size.along is not None or len(set(size.each)) == 1
+    points = [f"({shown(each['through'])})" for each in size.faces if not isinstance(each, str) and "through" in each]
     faces = [each if isinstance(each, str) else f"the face through ({shown(each['through'])})" if "through" in each
              else f"around ({shown(each['around'])})" for each in size.faces]  # fmt: skip
+    if alike and len(points) == len(faces) > 1:
+        faces = [f"the faces through {points[0]}", *points[1:]]
     if size.along is not None:
         way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
         return f"{listed(faces)} along {way}"
-    if len(set(size.each)) == 1:
+    if alike:
         return f"{listed(faces)} by {size.each[0]:g}{' each' * (len(faces) > 1)}"
     return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
 
