@@ -316,6 +316,28 @@ def test_zoom_of_the_curve(wide, payload):
         wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
 
 
+def test_sizes_of_an_assembly_that_is_impossible_were_cut_off_and_its_sheet_spilled(browser, tmp_path):
+    """A block under a lid on two walls, .1 too high with .05 of room: the one table there is has the whole width."""
+    walls = {name: fo.Box((2, 20, 10), centre=(x, 0, 5)) for name, x in (("left", -9), ("right", 9))}
+    parts = {"base": fo.Box((40, 40, 2), centre=(0, 0, -1)), **walls}
+    parts |= {"block": fo.Box((8, 8, 9.95), centre=(0, 0, 4.975)), "lid": fo.Box((20, 20, 2), centre=(0, 0, 11))}
+    between = [("block", "base"), ("lid", "left"), {"parts": ("lid", "block"), "goal": "clear"}]
+    height = fo.Size("height of the block", "block", faces=["-z", "+z"], each=0.5, tolerance=0.03)
+    motions = dict.fromkeys(("block", "lid"), fo.Translation("z"))
+    asked = fo.Assembly(parts, between, [height], motions, unit="mm", made={"height of the block": 0.15})
+    solutions = [fo.solve(own) for own in (asked.changed(made={}), asked)]
+    assert [own.status.found for own in solutions] == [True, False]
+    file = {"file": "block.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
+    (tmp_path / "report.html").write_text(assembly_page([file], solutions), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
+    assert "beyond the tolerance" in opened.page.inner_text("#case-1")
+    assert opened.page.evaluate(WIDER) == []
+    assert opened.page.inner_text(".card >> nth=1").startswith("Stack-up of the gap of lid and block, at rest")
+    sheets = re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format="A4", prefer_css_page_size=True))
+    assert len(sheets) == 3  # a case each, and what belongs to all
+    opened.context.close()
+
+
 def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     """A key 2 % too large between two wedges: each part where its motion takes it, and what touches on the slopes."""
     path = PROBLEMS / "assemblies" / "loop_of_four.toml"
