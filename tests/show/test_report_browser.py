@@ -587,7 +587,7 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
     asked = fo.Problem(drawer, housing, sizes=sizes, motion=motion, goal="seat", contacts="all", unit="mm")
     short = asked.changed(name="stop short", made={"stop": 0.08, "drawer height": -0.02})
     wide = asked.changed(name="too wide", goal="clear", contacts=None, made={"stop": 0.08, "drawer width": 0.3})
-    (tmp_path / "report.html").write_text(page(gather([Read(tmp_path / "drawer.toml", "", "", (short, wide))])), "utf-8")
+    (tmp_path / "report.html").write_text(page(gather([Read(tmp_path, "", "", (short, wide))])), "utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1040})  # A4
     with on_paper(opened, "sheets") as pages:
         assert opened.page.evaluate(OVERLAPS) == []
