@@ -70,7 +70,9 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     groups = dict[str, list[Bar]]()
     for bar in shown:
         groups.setdefault(wrapped(bar.note, LETTERS), []).append(bar)
-    rows: list[str | Bar] = [row for heading, own in groups.items() for row in (heading, *own)]
+    rows = list[str | Bar]()
+    for heading, own in groups.items():
+        rows += [heading, *own]
     notes = [caption] if caption else []
     if len(shown) < len(every):
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
