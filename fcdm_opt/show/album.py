@@ -64,7 +64,7 @@ class Album:
             self.add(f"{stem}-{name}", assembly_figure(solution, title=f"{title}: case {name}"), ending="-scene")
             return
         assert isinstance(solution, Solution)
-        problem, found = solution.problem, solution.status.found
+        problem = solution.problem
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         meant = EXPLAINED[problem.goal].removeprefix("goal: ")
@@ -75,7 +75,7 @@ class Album:
         view = self._views.setdefault(stem, view)
         figure = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
         self._write(f"{name}-scene", figure)
-        if found and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
+        if solution.usable and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
 
     def add(self, stem: str, figure: Figure, *, ending: str = "") -> str:

@@ -45,7 +45,7 @@ class Bar(NamedTuple):
 
     `name` is the datum, such as "size of lid", `value` the change of the amount, in its own units, nan where it has no
     derivative by this datum, and `unit` the step, such as "+1 %". `note` tells what kind of data it is, and what is
-    done to them: a picture has those of one kind and step under it.
+    done to them: a picture has those of one kind under it.
     """
 
     name: str
@@ -69,7 +69,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     shown = [*few, *shape[: max(MOST - len(few), LEAST)]]
     groups = dict[str, list[Bar]]()
     for bar in shown:
-        groups.setdefault(bar.note if bar.note == HALF else f"{bar.note}: {bar.unit}", []).append(bar)
+        groups.setdefault(wrapped(bar.note, LETTERS), []).append(bar)
     rows = list[str | Bar]()
     for heading, own in groups.items():
         rows += [heading, *own]
@@ -83,15 +83,15 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
         notes.append("derivatives are missing, one-sided or not unique: " + "; ".join(derivatives.reasons))
-    named = [wrapped(row.name, LETTERS) if isinstance(row, Bar) else "" for row in rows]
-    places = np.cumsum([0.0, *(1.0 + LINE * text.count("\n") for text in named)])
+    words = [wrapped(row.name, LETTERS) if isinstance(row, Bar) else row for row in rows]
+    places = np.cumsum([0.0, *(1.0 + LINE * text.count("\n") for text in words)])
     middles, end = (places[1:] + places[:-1]) / 2.0, max(places[-1], 2.0)
     sheet = Sheet.of(PAGE, BELOW + ROW * end, title=title, caption="\n".join(notes))
     axes = sheet.axes(NAMES, BELOW, PAGE - NAMES - STEPS, sheet.size[1] - BELOW)
     axes.set(ylim=(end, 0.0))
     unit = problem.amount_unit or "length units"
     axes.set_xlabel(f"change of the amount ({unit}) with the step on the right, to first order")
-    axes.set_yticks(middles, [*map(literal, named)])
+    axes.set_yticks(middles, [literal(text) if text != row else "" for text, row in zip(words, rows, strict=True)])
     axes.tick_params(axis="y", length=0)
     axes.spines[["top", "right", "left"]].set_visible(False)
     if not shown:

@@ -316,6 +316,28 @@ def test_zoom_of_the_curve(wide, payload):
         wide.until("['x', 'y'].map(k => document.getElementById('curve').layout[`${k}axis`].range)", axes[zoom])
 
 
+def test_sizes_of_an_assembly_that_is_impossible_were_cut_off_and_its_sheet_spilled(browser, tmp_path):
+    """A block under a lid on two walls, .1 too high with .05 of room: the one table there is has the whole width."""
+    walls = {name: fo.Box((2, 20, 10), centre=(x, 0, 5)) for name, x in (("left", -9), ("right", 9))}
+    parts = {"base": fo.Box((40, 40, 2), centre=(0, 0, -1)), **walls}
+    parts |= {"block": fo.Box((8, 8, 9.95), centre=(0, 0, 4.975)), "lid": fo.Box((20, 20, 2), centre=(0, 0, 11))}
+    between = [("block", "base"), ("lid", "left"), {"parts": ("lid", "block"), "goal": "clear"}]
+    height = fo.Size("height of the block", "block", faces=["-z", "+z"], each=0.5, tolerance=0.03)
+    motions = dict.fromkeys(("block", "lid"), fo.Translation("z"))
+    asked = fo.Assembly(parts, between, [height], motions, unit="mm", made={"height of the block": 0.15})
+    solutions = [fo.solve(own) for own in (asked.changed(made={}), asked)]
+    assert [own.status.found for own in solutions] == [True, False]
+    file = {"file": "block.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
+    (tmp_path / "report.html").write_text(assembly_page([file], solutions), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
+    assert "beyond the tolerance" in opened.page.inner_text("#case-1")
+    assert opened.page.evaluate(WIDER) == []
+    assert opened.page.inner_text(".card >> nth=1").startswith("Stack-up of the gap of lid and block, at rest")
+    sheets = re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format="A4", prefer_css_page_size=True))
+    assert len(sheets) == 3  # a case each, and what belongs to all
+    opened.context.close()
+
+
 def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     """A key 2 % too large between two wedges: each part where its motion takes it, and what touches on the slopes."""
     path = PROBLEMS / "assemblies" / "loop_of_four.toml"
@@ -543,6 +565,40 @@ def test_a_shop_gets_a_sheet_a_case_with_room_to_sign(wide, payload):
             assert sheet.locator(".drawn-picture").bounding_box()["height"] > 200
         for hidden in ("#slider", "button >> nth=0", "#choose", "#details", "#chooser"):
             assert not wide.page.is_visible(hidden)
+
+
+def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_letters_of_four_points(browser, tmp_path):
+    """A drawer in a housing, six sizes with the stack-up of all: where it is closed, and where nothing fits."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    housing = fo.cut(fo.Box((40, 70, 20), centre=(0, 25, 6)), fo.Box((30.2, 60, 12.15), centre=(0, 30, 6.075)))
+    drawer = fo.Box((30, 60, 10), centre=(0, 30, 5), name="drawer")
+    flanks = [({"through": (-x, 20, 5)}, {"through": (x, 20, 5)}) for x in (15, 15.1)]
+    sizes = [
+        fo.Size("drawer width", "movable", faces=flanks[0], each=0.5, tolerance=(-0.052, 0)),
+        fo.Size("cavity width", "static", faces=flanks[1], each=-0.5, tolerance=(0, 0.052)),
+        fo.Size("cavity place", "static", faces=flanks[1], along="x", tolerance=0.03),
+        fo.Size("drawer height", "movable", faces={"through": (14, 20, 10)}, tolerance=(-0.043, 0)),
+        fo.Size("cavity height", "static", faces={"through": (0, 20, 12.15)}, each=-1, tolerance=(0, 0.07)),
+        fo.Size("stop", "static", faces={"through": (0, 0, 5)}, tolerance=0.1),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked = fo.Problem(drawer, housing, sizes=sizes, motion=motion, goal="seat", contacts="all", unit="mm")
+    short = asked.changed(name="stop short", made={"stop": 0.08, "drawer height": -0.02})
+    wide = asked.changed(name="too wide", goal="clear", contacts=None, made={"stop": 0.08, "drawer width": 0.3})
+    (tmp_path / "report.html").write_text(page(gather([Read(tmp_path, "", "", (short, wide))])), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1040})  # A4
+    with on_paper(opened, "sheets") as pages:
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert [pages(size) for size in ("A4", "Letter")] == [2, 2]
+        letters = opened.page.evaluate(
+            "[...document.querySelectorAll('.answer svg text')].map(t => parseFloat(getComputedStyle(t).fontSize)"
+            " * t.getScreenCTM().a)"
+        )
+        assert len(letters) > 6
+        assert min(letters) >= 0.98 * 7 * 96 / 72  # seven points
+    opened.context.close()
 
 
 def test_paper_shows_the_details_of_the_chosen_case_where_they_are_wanted(wide):

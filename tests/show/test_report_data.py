@@ -22,7 +22,7 @@ from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
-from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.report.sizes import size_rows, stack_report, stack_reports
 from fcdm_opt.show.stacks import BEYOND, stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
@@ -659,19 +659,52 @@ def test_rounding_was_shown_as_a_place_and_as_a_gap():
     assert texts.shown(9.97e-15) == texts.shown(0.0) == "0"
 
 
-def test_a_root_sum_square_beyond_the_worst_case_was_not_marked():
-    """A peg of 6 in a slot of 6.2, each flank by itself: the worst case is 0.1 -+ 0.05; one flank's sigma is more."""
+def test_limits_by_root_sum_square_beyond_the_worst_case_were_told():
+    """A peg of 6 in a slot of 6.2: with a flank off by x, uniform, the gap is min(.1, .1 - x), never above .1."""
     slot = fo.Body.from_parts([[*product(x, (-9, 9), (-9, 9))] for x in ((-9, -3.1), (3.1, 9))])
     peg = fo.Body.convex([*product((-3, 3), (-4, 4), (-4, 4))])
     flank = {"through": (3, 0, 0)}
     size = fo.Size("flank", "movable", faces=flank, tolerance=0.05, distribution={"uniform": {}})
     asked = fo.Problem(peg, slot, sizes=[size], goal="clear", motion=fo.Translation("x"))
     told = stack_report(asked)
-    low, high = 0.1 - 3 * 0.05 / 3**0.5, 0.1 + 3 * 0.05 / 3**0.5  # of a uniform distribution
-    assert told["spread"] == pytest.approx([low, high])
     assert [worst["gap"] for worst in told["worst"]] == pytest.approx([0.05, 0.1])
-    assert told["beyond"] == [True, True]
-    assert BEYOND in told["notes"]
+    assert told["spread"]["what"] == "99.73 % of pairs drawn"
+    assert told["spread"]["ends"] == pytest.approx([0.05 + 0.1 * 0.00135, 0.1], abs=1e-4)
+    assert told["beyond"] == [False, False]
+    assert not any("root sum square" in note for note in told["notes"])
+    normal = stack_report(asked.changed(sizes=[replace(size, distribution={"normal": {"cp": 0.5}})]))
+    assert normal["beyond"] == [True, False]  # a size of which 13 % are beyond its tolerance
+    assert BEYOND in normal["notes"]
+
+
+def test_an_assembly_had_no_stack_up_where_sizes_open_two_contacts():
+    """A lid on a wall and a block in the box under it: of each contact its own chain of sizes, worst on worst."""
+    parts = {
+        "box": fo.Body.from_parts([[*product((-9, 9), (-9, 9), (-2, 0))], [*product((5, 9), (-9, 9), (0, 6))]]),
+        "block": fo.Box((4, 4, 5), centre=(0, 0, 2.5)),
+        "lid": fo.Box((18, 18, 1), centre=(0, 0, 6.5)),
+    }
+    between = [("block", "box"), ("lid", "box"), {"parts": ("lid", "block"), "goal": "clear"}]
+    floor = fo.Size("floor", "box", faces={"through": (0, 0, 0)}, tolerance=0.02)
+    height = fo.Size("height", "block", faces="+z", tolerance=0.03)
+    motions = dict.fromkeys(("block", "lid"), fo.Translation("z"))
+    asked = fo.Assembly(parts, between, [floor, height], motions, unit="mm")
+    told = {own["of"]: [worst["gap"] for worst in own["worst"]] for own in stack_reports(asked)}
+    assert [*told] == ["block and box", "lid and block"]
+    assert told["block and box"] == pytest.approx([-0.02, 0.02])
+    assert told["lid and block"] == pytest.approx([1.0 - 0.05, 1.0 + 0.05])
+
+
+def test_where_parts_do_not_fit_it_was_told_what_matters_most():
+    """A key of 6.2 in a blind slot of 6 has no motion to use, whose amount could depend on anything."""
+    slot = fo.Body.from_parts([[*product(x, (-9, 9), (-9, 9))] for x in ((-9, -3), (3, 9))])
+    key = fo.Body.convex([*product((-3, 3), (-4, 4), (-4, 4))], name="key")
+    width = fo.Size("width", "movable", faces=["-x", "+x"], each=0.5, tolerance=0.1)
+    motion = fo.Translation("x") >> fo.Translation("z")
+    asked = fo.Problem(key, slot, sizes=[width], made={"width": 0.2}, goal="clear", motion=motion)
+    solution = fo.solve(asked)
+    assert (solution.status.name, solution.usable) == ("OUTSIDE_FIT", False)
+    assert _sensitivities(solution) is None
 
 
 def test_a_goal_to_be_clear_is_told_with_its_clearance():

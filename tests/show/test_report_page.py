@@ -90,7 +90,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "off_drawn": f"width {text} -0.2",
         "stack": {
             "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
-            "spread": [0.0, 0.2],
+            "spread": {"what": "Root sum square", "ends": [0.0, 0.2]},
             "beyond": [False, True],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
             "notes": [f"not counted {text}"],

@@ -166,7 +166,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
-    if not solution.status.found:
+    if not solution.usable:
         return None
     if solution.problem.partial:
         text = "left out: of parts with this many corners the derivatives take long, see `Solution.sensitivity`"

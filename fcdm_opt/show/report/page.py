@@ -18,7 +18,7 @@ from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.report.sizes import size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
 
@@ -100,9 +100,8 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         figures.append(assembly_scene(solution, contacts, pieces))
         file = next(file for file in files if number in file["cases"])
         cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
-        stack = stack_report(solution.assembly)  # of the parts as drawn: alike for all cases of a file
-        if stack and stack not in stacks:
-            stacks.append(stack)
+        if number == file["cases"][0]:  # of the parts as drawn: alike for all cases of a file
+            stacks += stack_reports(solution.assembly)
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),

@@ -11,11 +11,15 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import finite
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.stacks import BEYOND, another_decides, contributions_of, gap_per_unit, noise_of, stack_notes
 from fcdm_opt.show.texts import NONE, listed, number, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
+DRAWS = 100_000  # pairs of parts drawn where root sum square does not hold
+FEW, MOST = 4, 8  # stack-ups of an assembly that are told one by one, and contacts that are looked at for them
+SQUARED, SHARED = "Root sum square, ± 3 sigma", "99.73 % of pairs drawn"
 PLACES = 6
 
 
@@ -45,18 +49,34 @@ def _moved(size: Size) -> str:
     """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
     if size.scale is not None:
         return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
+    alike = size.along is not None or len(set(size.each)) == 1
+    points = [f"({shown(each['through'])})" for each in size.faces if not isinstance(each, str) and "through" in each]
     faces = [each if isinstance(each, str) else f"the face through ({shown(each['through'])})" if "through" in each
              else f"around ({shown(each['around'])})" for each in size.faces]  # fmt: skip
+    if alike and len(points) == len(faces) > 1:
+        faces = [f"the faces through {points[0]}", *points[1:]]
     if size.along is not None:
         way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
         return f"{listed(faces)} along {way}"
-    if len(set(size.each)) == 1:
+    if alike:
         return f"{listed(faces)} by {size.each[0]:g}{' each' * (len(faces) > 1)}"
     return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
 
 
-def stack_report(scene: Scene) -> dict[str, Any] | None:
-    """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes."""
+def stack_reports(assembly: Assembly) -> list[dict[str, Any]]:
+    """Return the stack-up of each contact that sizes open, where there are few, or why there is none."""
+    contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
+    each = [stack_report(assembly, of=(own.one, own.two)) or {} for own in contacts]
+    opened = [own for own in each if any(share["worst"] for share in own.get("shares", ()))]
+    return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly)])]
+
+
+def stack_report(scene: Scene, *, of: tuple[str, str] | None = None) -> dict[str, Any] | None:
+    """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes.
+
+    Of an assembly it is the gap of two parts, see `stack_up`. Where root sum square goes beyond the worst case its
+    limits are those of pairs drawn.
+    """
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.judge.certificate import verify
 
@@ -64,13 +84,16 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         return None
     try:
         with pacing.looking(STACKED):
-            found = stack_up(scene)  # type: ignore[arg-type]
+            found = stack_up(scene, of=of)  # type: ignore[arg-type]
             worst, spread = found.worst(), found.root_sum_square()
             noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
             gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
-            beyond = [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]
-            shares, notes = contributions_of(found), [*stack_notes(found), *found.known_to]
-            notes += filter(None, [another_decides(spread), BEYOND * any(beyond)])
+            shares, notes, what = contributions_of(found), [*stack_notes(found), *found.known_to], SQUARED
+            if any(beyond := [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]):
+                what, drawn = SHARED, found.yield_(DRAWS)
+                ends = [0.0 if abs(x) <= noise else x for x in (drawn.low, drawn.high)]
+                beyond = [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]
+            notes += filter(None, [another_decides(spread) * (what == SQUARED), BEYOND * any(beyond)])
             failed = ", ".join(own.name for own in verify(found).failed)
     except (InputError, pacing.TimeOverError) as reason:
         late = isinstance(reason, pacing.TimeOverError)
@@ -83,12 +106,13 @@ def stack_report(scene: Scene) -> dict[str, Any] | None:
         notes.append(f"worst cases of the true round parts are from {low} to {high}")
     return {
         "unit": scene.unit,
+        "of": " and ".join(of or ()),
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
             for what, gap, at in zip(("least", "largest"), gaps, (worst.at_least, worst.at_largest), strict=True)
         ],
-        "spread": ends,
+        "spread": {"what": what, "ends": ends},
         "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
                            "worst": own.worst, "variance": own.variance}) for own in shares],
