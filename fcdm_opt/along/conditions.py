@@ -12,7 +12,7 @@ coefficients of these, so that a state is worked out once and all conditions the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
@@ -92,12 +92,17 @@ _BLOCKS = {
 def _coefficients(form: int, k: int, rows: Any) -> Any:
     """Return the coefficients of the terms in conditions of one form, (n, SHARED + EACH (k + 1)), of any kind."""
     made = np.zeros((len(rows), SHARED + EACH * (k + 1)), dtype=rows.dtype)
-    v, w, m, sign = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9:10]
-    for name, values in _BLOCKS[form](v, w, m).items():
-        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
-        made[:, start : start + _SIZES[name]] = sign * values
+    for place, values in _blocks(form, k, rows):
+        made[:, place] = rows[:, 9:10] * values
     made[:, 1:3] = made[:, 1:3] - rows[:, 10:]
     return made
+
+
+def _blocks(form: int, k: int, rows: Any) -> Iterator[tuple[slice, Any]]:
+    """Yield where coefficients of conditions stand, and these without sign."""
+    for name, values in _BLOCKS[form](rows[:, 0:3], rows[:, 3:6], rows[:, 6:9]).items():
+        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
+        yield slice(start, start + _SIZES[name]), values
 
 
 class Conditions(NamedTuple):
@@ -106,6 +111,7 @@ class Conditions(NamedTuple):
     forms: Ints  # (n, 2): form, and k of the tracked normal it speaks of
     rows: Array  # (n, 12): v, w, direction, sign, and radii about v and w
     coefficients: Array  # (n, terms): of the terms of a state, as many as two tracked normals make
+    sizes: Array  # (n, terms): what these are rounded relative to: all of a vector, in whichever frame it is given
 
     def chosen(self, which: Any) -> Conditions:
         """Return some of them."""
@@ -128,7 +134,11 @@ class Conditions(NamedTuple):
         known = _coefficients(form, k, rows)
         coefficients = np.zeros((count, SHARED + 2 * EACH))
         coefficients[:, : known.shape[1]] = known
-        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients)
+        sizes = np.abs(coefficients)
+        # with the cross product of parallel edges all beside it vanishes, rounding too
+        for place, values in _blocks(form, k, rows) if form not in (BESIDE, BESIDE_TURNED) else ():
+            sizes[:, place] = np.maximum(sizes[:, place], np.linalg.norm(np.atleast_2d(values), axis=1)[:, None])
+        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients, sizes)
 
 
 class TrackedPair(NamedTuple):
@@ -166,7 +176,7 @@ class RayStretch:
         )[0].reshape(-1, 4) * [1.0, ray.side, 1.0, 1.0]
         self.R, self.d = table[:9].T.reshape(4, 3, 3).copy(), table[9:POSE].T.copy()
         self._terms = table[POSE:].copy()
-        self._rounded = np.abs(self._terms[:, :1]) * [0.0, SUMMED]
+        self._rounded = self._terms[:, 3:] + SUMMED * np.abs(self._terms[:, :1])
 
     @property
     def bounded(self) -> bool:
@@ -202,10 +212,10 @@ class RayStretch:
 
     def expanded(self, conditions: Conditions) -> Array:
         """Return the expansions of conditions, (n, 4)."""
-        factors = conditions.coefficients[:, : len(self._terms)]
+        factors, sizes = (own[:, : len(self._terms)] for own in conditions[2:])
         with np.errstate(all="ignore"):
             signed = factors @ self._terms[:, :2]
-            return np.hstack([signed, np.abs(factors) @ (self._terms[:, 2:] + self._rounded)])
+            return np.hstack([signed, np.abs(factors) @ self._terms[:, 2:3], sizes @ self._rounded])
 
 
 @dataclass(frozen=True, eq=False)
