@@ -348,14 +348,19 @@ class TouchingSizes:
         return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in found))
 
     def _plainest(self, place: Array) -> Array:
-        """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be."""
+        """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be.
+
+        Others are at an end of their tolerance where that will do, not somewhere between.
+        """
         drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])
         gap, near = self.gap(place), DEFAULT.planarity * max(body.size for body in self.bodies)
         for k in np.flatnonzero(place != drawn).tolist():
-            other = place.copy()
-            other[k] = drawn[k]
-            if abs(self.gap(other) - gap) <= near:
-                place = other
+            for value in (drawn[k], *self.box[k]):
+                other = place.copy()
+                other[k] = value
+                if abs(self.gap(other) - gap) <= near:
+                    place = other
+                    break
         return place + 0.0
 
 
