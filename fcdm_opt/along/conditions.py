@@ -12,7 +12,7 @@ coefficients of these, so that a state is worked out once and all conditions the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
@@ -74,6 +74,8 @@ _SIZES = {"DET": 1, "NUM1": 1, "NUM2": 1, "DET d": 3, "NUM1 R": 9, "DET e": 3, "
           "n": 3, "h": 3, "NUM2 n": 3, "NUM1 h": 3, "DET n.d": 1, "n.n": 1,
           "DET nxd": 3, "NUM1 nxR": 9, "DET hxe": 3, "NUM2 hxR'": 9}  # fmt: skip
 _PLACES = dict(zip(_SIZES, accumulate(_SIZES.values(), initial=0), strict=False))  # with a normal: those of the first
+_WIDTHS = [*_SIZES.values(), *[*_SIZES.values()][7:]]  # with two normals
+_STARTS = [*accumulate(_WIDTHS[:-1], initial=0)]
 _BLOCKS = {
     ALONG: lambda v, w, m: {"DET d": m, "NUM2": _dot(m, w), "NUM1 R": -_outer(m, v)},
     ALONG_TURNED: lambda v, w, m: {"DET e": m, "NUM2 R": _outer(w, m), "NUM1": -_dot(m, v)},
@@ -92,17 +94,12 @@ _BLOCKS = {
 def _coefficients(form: int, k: int, rows: Any) -> Any:
     """Return the coefficients of the terms in conditions of one form, (n, SHARED + EACH (k + 1)), of any kind."""
     made = np.zeros((len(rows), SHARED + EACH * (k + 1)), dtype=rows.dtype)
-    for place, values in _blocks(form, k, rows):
-        made[:, place] = rows[:, 9:10] * values
+    v, w, m, sign = rows[:, 0:3], rows[:, 3:6], rows[:, 6:9], rows[:, 9:10]
+    for name, values in _BLOCKS[form](v, w, m).items():
+        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
+        made[:, start : start + _SIZES[name]] = sign * values
     made[:, 1:3] = made[:, 1:3] - rows[:, 10:]
     return made
-
-
-def _blocks(form: int, k: int, rows: Any) -> Iterator[tuple[slice, Any]]:
-    """Yield where coefficients of conditions stand, and these without sign."""
-    for name, values in _BLOCKS[form](rows[:, 0:3], rows[:, 3:6], rows[:, 6:9]).items():
-        start = _PLACES[name] + (EACH * k if _PLACES[name] >= SHARED else 0)
-        yield slice(start, start + _SIZES[name]), values
 
 
 class Conditions(NamedTuple):
@@ -135,9 +132,8 @@ class Conditions(NamedTuple):
         coefficients = np.zeros((count, SHARED + 2 * EACH))
         coefficients[:, : known.shape[1]] = known
         sizes = np.abs(coefficients)
-        # with the cross product of parallel edges all beside it vanishes, rounding too
-        for place, values in _blocks(form, k, rows) if form not in (BESIDE, BESIDE_TURNED) else ():
-            sizes[:, place] = np.maximum(sizes[:, place], np.linalg.norm(np.atleast_2d(values), axis=1)[:, None])
+        if form not in (BESIDE, BESIDE_TURNED):  # with the cross product of parallel edges rounding vanishes, too
+            sizes = np.repeat(np.sqrt(np.add.reduceat(coefficients**2, _STARTS, axis=1)), _WIDTHS, axis=1)
         return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients, sizes)
 
 

@@ -348,19 +348,12 @@ class TouchingSizes:
         return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in found))
 
     def _plainest(self, place: Array) -> Array:
-        """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be.
-
-        Others are at an end of their tolerance where that will do, not somewhere between.
-        """
+        """Return sizes with the same gap, as drawn or near to it where they do not matter, else at an end if may be."""
         drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])
         gap, near = self.gap(place), DEFAULT.planarity * max(body.size for body in self.bodies)
-        for k in np.flatnonzero(place != drawn).tolist():
-            for value in (drawn[k], *self.box[k]):
-                other = place.copy()
-                other[k] = value
-                if abs(self.gap(other) - gap) <= near:
-                    place = other
-                    break
+        for own in np.eye(len(place), dtype=bool)[place != drawn]:
+            others = (np.where(own, ends, place) for ends in (drawn, *self.box.T))
+            place = next((other for other in others if abs(self.gap(other) - gap) <= near), place)
         return place + 0.0
 
 
