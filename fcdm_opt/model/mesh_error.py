@@ -279,21 +279,15 @@ def left_open(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:
     if found is None or found.q is None:
         return (math.nan, math.nan) if found is None else (math.inf, math.inf)
     least = found.q if q is None else q
-    at = [(own, own.motion.transform(least, own.movable.seed, own.static.seed)) for own in asked]
-    if q is None and found.only and any(_overlap(*own) for own in at):
+    poses = (own.motion.transform(least, own.movable.seed, own.static.seed) for own in asked)
+    clear = [_is_clear(own, own.target, pose, own.clearance) for own, pose in zip(asked, poses, strict=True)]
+    if q is None and found.only and False in clear:
         return math.inf, math.inf
-    if q is None or not all(_is_clear(own, own.target, pose, own.clearance) for own, pose in at):
+    if q is None or not all(clear):
         return math.nan, math.nan
     high = float(np.linalg.norm(first.weights * q))
     high = 0.0 if _same(first, 0.0, high) else high
     return high if _same(first, found.bound, high) else min(found.bound, high), high
-
-
-def _overlap(problem: Problem, transform: Array) -> bool:
-    """Tell whether true parts overlap after a motion, as bodies within them do."""
-    one, two = (bounding_bodies(body) for body in (problem.movable, problem.static))
-    inner = one and two and decision_curve(one[0], two[0], box=problem.box, transform=transform)
-    return bool(inner) and float(inner.gap(problem.target)) < -problem.contact_slack
 
 
 def _is_clear(problem: Problem, rho: Array, transform: Array, clearance: float = 0.0) -> bool | None:
