@@ -258,8 +258,10 @@ class TouchingSizes:
         (kind, i), (other, j) = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in own.elements[row])
         ends = one.vertices_of(kind, i), two.vertices_of(other, j)
         contact = Contact(Feature(one.elements[kind][i], two.elements[other][j]), *ends)
-        pose = kernels.relative_pose(self.transform, *(body.seed for body in self.bodies))
-        return facing(one, two, pose, contact, np.ones(2), own.normals[row], own.values[row, 0]).feature
+        pose, n = kernels.relative_pose(self.transform, *(body.seed for body in self.bodies)), own.normals[row]
+        found = facing(one, two, pose, contact, np.ones(2), n, own.values[row, 0]).feature
+        sides = zip(self.bodies, (found.one, found.two), (n @ self.transform[:3, :3], -n), strict=True)
+        return Feature(*(body.face_looking(element, normal) for body, element, normal in sides))
 
     # ---------------------------------------------------------------------------------------------------- worst cases
 
