@@ -144,7 +144,7 @@ def told_element(body: Body, element: Element) -> str:
             named = names_of_rows(body)
             sides, along = [named[row] for row in rows], points[0] + ALONG * (points[-1] - points[0])
             if not any(" radius " in side for side in sides):  # a chord, as across a bore that it is beside somewhere
-                sides = [named[row] for row in _rows_beside(body, along) if " radius " in named[row]] or sides
+                sides = [named[row] for row in _rows_near(body, along) if " radius " in named[row]] or sides
             return _edge_or_corner(element.kind, sides, [*map(_place, points)])
     label, names = tuple(sorted(element.vertices)), described_faces(body)
     if element.kind == "F":
@@ -167,11 +167,11 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
         off = np.abs(piece.normals @ arms.T).max(axis=1, initial=0.0)  # of its corners from each of the true faces
         return sorted(rows, key=lambda row: off[rows.index(row)] > DEFAULT.touch * body.size)
     if max(element.vertices) > len(drawn.vertices):
-        return _rows_beside(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None])
+        return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None])
     return [row for row in rows_at(drawn, element) if row >= 0]
 
 
-def _rows_beside(body: Body, points: Array) -> list[int]:
+def _rows_near(body: Body, points: Array) -> list[int]:
     """Return the rows of the faces that some of a few points are on or beside, the nearest first."""
     corners, owners = body.face_triangles
     off = distances(points, corners).min(axis=1)

@@ -267,7 +267,7 @@ def too_wide(problem: Problem) -> bool:
     return all(own is not None and is_plane_there(body, own) for body, faces in sides for own in faces)
 
 
-def left_open(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:
+def open_amounts(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:
     """Return between which amounts the least is that true parts need, of several questions about the same shifts.
 
     nan where that is not known: it is where contacts of plane faces are restored, and all others are to be clear. `q`:
