@@ -22,6 +22,7 @@ from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.placed_parts import placed
+from fcdm_opt.model.mesh_error import open_amounts
 from fcdm_opt.model.reported import reported
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.model.true_faces import ROUNDS, Exchange
@@ -155,7 +156,8 @@ class _Solving:
             refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
             if not any(refined):
                 break
-        return self._moved(group, parts, problems, answer)
+        met = self._moved(group, parts, problems, answer)
+        return met._replace(open_=open_amounts(asked, answer.q)) if assembly.amount == "weighted" else met
 
     def _moved(
         self, group: Sequence[JoinedPair], parts: Sequence[str], problems: Sequence[Problem], answer: Answer

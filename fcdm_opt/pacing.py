@@ -38,19 +38,21 @@ class TimeOverError(FcdmError):
 
     def __init__(self, text: str = "") -> None:  # the text of one that another process raised
         self.limit, doing = _limit.get().seconds, _doing.get()
-        super().__init__(text or f"the time limit of {self.limit:g} s was met{f' while {doing}' if doing else ''}")
+        self.why = f"the {'usual ' * _limit.get().usual}time limit of {self.limit:g} s was met"
+        super().__init__(text or f"{self.why}{f' while {doing}' if doing else ''}")
 
 
 class _Given(NamedTuple):
     """Until when may be searched, of how many seconds that is a share, and until when what was found may be judged.
 
-    `kept`: what is done has something to keep, and is not to be ended by `check`.
+    `kept`: what is done has something to keep, and is not to be ended by `check`. `usual`: nobody gave it.
     """
 
     end: float
     seconds: float
     last: float
     kept: bool = False
+    usual: bool = False
 
 
 Found = TypeVar("Found")
@@ -136,9 +138,9 @@ def within(seconds: float | None, share: float = SEARCHED) -> _Override:
     return _Override(_limit, _limit_within(seconds, share, "time"))
 
 
-def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time") -> None:
-    """Set such a limit from here to the end of the enclosing one."""
-    _limit.set(_limit_within(seconds, share, key))
+def begin(seconds: float | None, *, share: float = SEARCHED, key: str = "time", usual: bool = False) -> None:
+    """Set such a limit from here to the end of the enclosing one; a `usual` one is told to be that."""
+    _limit.set(_limit_within(seconds, share, key)._replace(usual=usual))
 
 
 def _limit_within(seconds: float | None, share: float, key: str) -> _Given:
@@ -155,7 +157,7 @@ def sharing(share: float) -> _Override:
     """Let what is done meanwhile take this share of the time that is left."""
     now, known = clock(), _limit.get()
     end, last = (now + share * (end - now) for end in (known.end, known.last))
-    return _Override(_limit, _Given(end, known.seconds, last))
+    return _Override(_limit, known._replace(end=end, last=last, kept=False))
 
 
 def judging() -> _Override:

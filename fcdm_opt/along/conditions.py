@@ -74,6 +74,8 @@ _SIZES = {"DET": 1, "NUM1": 1, "NUM2": 1, "DET d": 3, "NUM1 R": 9, "DET e": 3, "
           "n": 3, "h": 3, "NUM2 n": 3, "NUM1 h": 3, "DET n.d": 1, "n.n": 1,
           "DET nxd": 3, "NUM1 nxR": 9, "DET hxe": 3, "NUM2 hxR'": 9}  # fmt: skip
 _PLACES = dict(zip(_SIZES, accumulate(_SIZES.values(), initial=0), strict=False))  # with a normal: those of the first
+_WIDTHS = [*_SIZES.values(), *[*_SIZES.values()][7:]]  # with two normals
+_STARTS = [*accumulate(_WIDTHS[:-1], initial=0)]
 _BLOCKS = {
     ALONG: lambda v, w, m: {"DET d": m, "NUM2": _dot(m, w), "NUM1 R": -_outer(m, v)},
     ALONG_TURNED: lambda v, w, m: {"DET e": m, "NUM2 R": _outer(w, m), "NUM1": -_dot(m, v)},
@@ -106,6 +108,7 @@ class Conditions(NamedTuple):
     forms: Ints  # (n, 2): form, and k of the tracked normal it speaks of
     rows: Array  # (n, 12): v, w, direction, sign, and radii about v and w
     coefficients: Array  # (n, terms): of the terms of a state, as many as two tracked normals make
+    sizes: Array  # (n, terms): what these are rounded relative to: all of a vector, in whichever frame it is given
 
     def chosen(self, which: Any) -> Conditions:
         """Return some of them."""
@@ -128,7 +131,10 @@ class Conditions(NamedTuple):
         known = _coefficients(form, k, rows)
         coefficients = np.zeros((count, SHARED + 2 * EACH))
         coefficients[:, : known.shape[1]] = known
-        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients)
+        sizes = np.abs(coefficients)
+        if form not in (BESIDE, BESIDE_TURNED):  # with the cross product of parallel edges rounding vanishes, too
+            sizes = np.repeat(np.sqrt(np.add.reduceat(coefficients**2, _STARTS, axis=1)), _WIDTHS, axis=1)
+        return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients, sizes)
 
 
 class TrackedPair(NamedTuple):
@@ -166,7 +172,7 @@ class RayStretch:
         )[0].reshape(-1, 4) * [1.0, ray.side, 1.0, 1.0]
         self.R, self.d = table[:9].T.reshape(4, 3, 3).copy(), table[9:POSE].T.copy()
         self._terms = table[POSE:].copy()
-        self._rounded = np.abs(self._terms[:, :1]) * [0.0, SUMMED]
+        self._rounded = self._terms[:, 3:] + SUMMED * np.abs(self._terms[:, :1])
 
     @property
     def bounded(self) -> bool:
@@ -202,10 +208,10 @@ class RayStretch:
 
     def expanded(self, conditions: Conditions) -> Array:
         """Return the expansions of conditions, (n, 4)."""
-        factors = conditions.coefficients[:, : len(self._terms)]
+        factors, sizes = (own[:, : len(self._terms)] for own in conditions[2:])
         with np.errstate(all="ignore"):
             signed = factors @ self._terms[:, :2]
-            return np.hstack([signed, np.abs(factors) @ (self._terms[:, 2:] + self._rounded)])
+            return np.hstack([signed, np.abs(factors) @ self._terms[:, 2:3], sizes @ self._rounded])
 
 
 @dataclass(frozen=True, eq=False)

@@ -478,7 +478,7 @@ class _OneWay:
             self._end = self._end if stop is None else stop.x
             return None
         at, _, _ = self._march.settled(stop)
-        return at, self._gap(self._beyond(at)) >= 0
+        return at, bool(self._gap(self._beyond(at)) >= -self._rounding)
 
     def _parts_at(self, x: float) -> tuple[float, bool] | None:
         """Return where a pair that overlaps from x on first touches."""

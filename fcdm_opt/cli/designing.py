@@ -188,7 +188,7 @@ def whatif_command(
     from fcdm_opt.solver import solve
 
     if not pacing.limited():
-        pacing.begin(common.USUAL)
+        pacing.begin(common.USUAL, usual=True)
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:

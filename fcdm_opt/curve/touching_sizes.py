@@ -258,8 +258,10 @@ class TouchingSizes:
         (kind, i), (other, j) = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in own.elements[row])
         ends = one.vertices_of(kind, i), two.vertices_of(other, j)
         contact = Contact(Feature(one.elements[kind][i], two.elements[other][j]), *ends)
-        pose = kernels.relative_pose(self.transform, *(body.seed for body in self.bodies))
-        return facing(one, two, pose, contact, np.ones(2), own.normals[row], own.values[row, 0]).feature
+        pose, n = kernels.relative_pose(self.transform, *(body.seed for body in self.bodies)), own.normals[row]
+        found = facing(one, two, pose, contact, np.ones(2), n, own.values[row, 0]).feature
+        sides = zip(self.bodies, (found.one, found.two), (n @ self.transform[:3, :3], -n), strict=True)
+        return Feature(*(body.face_looking(element, normal) for body, element, normal in sides))
 
     # ---------------------------------------------------------------------------------------------------- worst cases
 
@@ -348,14 +350,12 @@ class TouchingSizes:
         return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in found))
 
     def _plainest(self, place: Array) -> Array:
-        """Return sizes with the same gap of which those that do not matter are as drawn, or as near to it as may be."""
+        """Return sizes with the same gap, as drawn or near to it where they do not matter, else at an end if may be."""
         drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])
         gap, near = self.gap(place), DEFAULT.planarity * max(body.size for body in self.bodies)
-        for k in np.flatnonzero(place != drawn).tolist():
-            other = place.copy()
-            other[k] = drawn[k]
-            if abs(self.gap(other) - gap) <= near:
-                place = other
+        for own in np.eye(len(place), dtype=bool)[place != drawn]:
+            others = (np.where(own, ends, place) for ends in (drawn, *self.box.T))
+            place = next((other for other in others if abs(self.gap(other) - gap) <= near), place)
         return place + 0.0
 
 

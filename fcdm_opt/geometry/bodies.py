@@ -606,6 +606,14 @@ class Body(_Sealed, NotebookRepr):
         first, pieces = min(element.vertices), self.exact.pieces if self.exact is not None else ()
         return next((own for own in pieces if own.first <= first <= own.last), None)
 
+    def face_looking(self, element: Element, normal: Array) -> Element:
+        """Return the true face with an outward normal, of those that meet in an element at a point of a round face."""
+        # an element itself where there is none, or of others; bodies as drawn have that face
+        if (piece := self.piece_of(element)) is None or self.exact is None or len(piece.rows) == 1:
+            return element
+        rows = [row for row, own in zip(piece.rows, piece.normals, strict=True) if own @ normal > np.cos(DEFAULT.sharp)]
+        return Element("F", self.exact.facets.faces[rows[0]]) if len(rows) == 1 else element
+
     @cached_property
     def face_rows(self) -> dict[tuple[int, ...], int]:
         """Row of each face in `faces`."""

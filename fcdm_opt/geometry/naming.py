@@ -35,6 +35,7 @@ NUMBER = re.compile(r" no\. \d+$")
 RADIUS = re.compile(r"(?<= radius )\S+|(?<= to )\S+")
 NUMBERED = 24  # corners of a body up to which one is told by its number
 TIP = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
+ALONG = np.linspace(0.0, 1.0, 17)[1:-1, None]  # places on an edge
 NEAR_FACE = 1e-3  # of the size: so near to a face is what stands for it
 ENDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
 """Faces that a body ends with along x, y and z, below and above: as drawings have them, where the front view looks
@@ -140,7 +141,11 @@ def told_element(body: Body, element: Element) -> str:
         if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
             if element.kind == "F" or exactly:
                 return told_element(body, Element("F", body.faces[rows[0]]))
-            return _edge_or_corner(element.kind, [names_of_rows(body)[row] for row in rows], [*map(_place, points)])
+            named = names_of_rows(body)
+            sides, along = [named[row] for row in rows], points[0] + ALONG * (points[-1] - points[0])
+            if not any(" radius " in side for side in sides):  # a chord, as across a bore that it is beside somewhere
+                sides = [named[row] for row in _rows_near(body, along) if " radius " in named[row]] or sides
+            return _edge_or_corner(element.kind, sides, [*map(_place, points)])
     label, names = tuple(sorted(element.vertices)), described_faces(body)
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
@@ -162,11 +167,16 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
         off = np.abs(piece.normals @ arms.T).max(axis=1, initial=0.0)  # of its corners from each of the true faces
         return sorted(rows, key=lambda row: off[rows.index(row)] > DEFAULT.touch * body.size)
     if max(element.vertices) > len(drawn.vertices):
-        corners, owners = drawn.face_triangles  # those that it is on or beside, the nearest first
-        off = distances(body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None], corners)[:, 0]
-        near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * drawn.size)
-        return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
+        return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None])
     return [row for row in rows_at(drawn, element) if row >= 0]
+
+
+def _rows_near(body: Body, points: Array) -> list[int]:
+    """Return the rows of the faces that some of a few points are on or beside, the nearest first."""
+    corners, owners = body.face_triangles
+    off = distances(points, corners).min(axis=1)
+    near = np.flatnonzero(off <= 2.0 * off.min() + NEAR_FACE * body.size)
+    return list(dict.fromkeys(owners[near[np.argsort(off[near], kind="stable")]].tolist()))
 
 
 def rows_at(body: Body, element: Element) -> list[int]:

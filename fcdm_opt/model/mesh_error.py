@@ -8,7 +8,7 @@ contact: of plane faces, their edges and corners it is the same for all of these
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,12 +18,13 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.decision_curve import decision_curve
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, facet_errors, is_plane_there
 from fcdm_opt.model.apart_until import apart_until
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
-from fcdm_opt.problem.contacts_restored import restoring_motion, touching_again
+from fcdm_opt.problem.contacts_restored import is_of_plane_faces, restoring_motion, touching_again
 from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
@@ -266,6 +267,37 @@ def too_wide(problem: Problem) -> bool:
     return all(own is not None and is_plane_there(body, own) for body, faces in sides for own in faces)
 
 
+def open_amounts(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:
+    """Return between which amounts the least is that true parts need, of several questions about the same shifts.
+
+    nan where that is not known: it is where contacts of plane faces are restored, and all others are to be clear. `q`:
+    the least motion of the meshes, (k,), None where there is none; infinite where true parts have none either.
+    """
+    flat, first = [own for own in asked if is_of_plane_faces(own)], asked[0]
+    known = all((own in flat or own.goal == "clear") and not own.keep_out for own in asked)
+    found = restoring_motion(flat) if flat and known else None
+    if found is None or found.q is None:
+        return (math.nan, math.nan) if found is None else (math.inf, math.inf)
+    least = found.q if q is None else q
+    poses = (own.motion.transform(least, own.movable.seed, own.static.seed) for own in asked)
+    clear = [_is_clear(own, own.target, pose, own.clearance) for own, pose in zip(asked, poses, strict=True)]
+    if q is None and found.only and False in clear:
+        return math.inf, math.inf
+    if q is None or not all(clear):
+        return math.nan, math.nan
+    high = float(np.linalg.norm(first.weights * q))
+    high = 0.0 if _same(first, 0.0, high) else high
+    return high if _same(first, found.bound, high) else min(found.bound, high), high
+
+
+def _is_clear(problem: Problem, rho: Array, transform: Array, clearance: float = 0.0) -> bool | None:
+    """Tell whether true faces leave a clearance after a motion, where a round one is; None where not all are known."""
+    near, slack = (problem.movable, problem.static), problem.contact_slack
+    if not all(map(all_recognised, near)):
+        return None
+    return all(own.gap >= clearance - slack for own in where_nearest(*near, rho.tolist(), transform, clearance + slack))
+
+
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
     """Tell whether true parts overlap no more than the tracked contact lets them, after the motion."""
     # by their true faces where all are recognised, else by bodies about them
@@ -278,9 +310,7 @@ def _stays_clear(solution: Solution, outer: _Scene) -> bool:
         q, bodies = np.array([*solution.parameters.values()]), len(kept.static.parts)
         if not (kept.pair_gaps(q) >= kept.needs - slack)[:, bodies:].all():
             return False
-    near = problem.movable, problem.static
-    if all(map(all_recognised, near)):
-        found = where_nearest(*near, rho.tolist(), solution.transform, slack)
-        return all(own.gap >= -slack for own in found)
+    if (clear := _is_clear(problem, rho, solution.transform)) is not None:
+        return clear
     curve = decision_curve(outer.movable, outer.static, box=problem.box, transform=solution.transform)
     return float(curve.gap(rho)) >= -slack

@@ -110,6 +110,7 @@ class RestoringMotion(NamedTuple):
     nearest: Array | None = None
     # gaps there of each question: of its `points`, then of its `flat_contacts`; < 0 where these overlap
     remaining: tuple[Array, ...] = ()
+    only: bool = False  # whether no other shift does it, whatever its amount is
 
 
 def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
@@ -163,7 +164,8 @@ def _from(
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
-            return RestoringMotion(q, points, bound) if inside and [*map(len, points)] == found else None
+            only = int(np.linalg.matrix_rank(held, tol=DEFAULT.nominal)) == len(y)
+            return RestoringMotion(q, points, bound, only=only) if inside and [*map(len, points)] == found else None
         remaining = gaps + slopes @ (further - y)
         if not turns and np.abs(remaining).max() > max(own.contact_slack for own in asked):
             rest = tuple(np.split(remaining, np.cumsum([len(rows) for rows in each])[:-1]))

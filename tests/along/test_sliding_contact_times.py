@@ -1,5 +1,7 @@
 """Contact times of parts that lie on each other and slide: the play between walls, by hand."""
 
+from typing import Any
+
 import pytest
 
 import fcdm_opt as fo
@@ -36,3 +38,28 @@ def test_a_lid_that_lies_on_its_box_and_overlaps_at_its_lip() -> None:
     spans = [own for own in fo.contact_times(asked, {"TX": 1}).spans if own.state == "apart"]
     free = next(own for own in spans if own.high - own.low < 1.0)
     assert (free.low, free.high) == pytest.approx((-0.45, -0.15), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", [(0, 0, 0), "box"])
+def test_seeds_in_the_plane_of_a_flange_hid_the_play_below_it(seed: Any) -> None:
+    """Corners there were off by 4.7e-38, as of boolean operations, which was more than rounding of such numbers."""
+    off = 4.7e-38
+
+    def box(low: tuple[float, ...], high: tuple[float, ...]) -> list[list[float]]:
+        return [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+
+    plug = fo.Body.from_parts([box((-5, -5, -off), (5, 5, 6)), box((-1, -1, -5), (1, 1, off))], seed=seed)
+    walls = [box((1.25, -9, -5), (9, 9, 0)), box((-9, -9, -5), (-1.25, 9, off / 2))]
+    for sign in (1, -1):  # either way up
+        one, two = plug.moved(_turned(sign)), fo.Body.from_parts(walls, seed=seed).moved(_turned(sign))
+        found = fo.contact_times(fo.Problem(one, two, target=(1, 1), goal="clear", motion=fo.Translation("x")))
+        assert found.free == pytest.approx((-0.25, 0.25), abs=1e-12)
+        spans = [(own.state, own.low, own.high) for own in found.spans[1:-1]]
+        states, lows, highs = zip(*spans, strict=True)
+        assert states == ("overlapping", "apart", "overlapping")
+        assert (*lows, *highs) == pytest.approx((-10, -0.25, 0.25, -0.25, 0.25, 10), abs=1e-12)
+
+
+def _turned(sign: int) -> list[list[float]]:
+    """Return half a turn about x for -1, none for 1."""
+    return [[1, 0, 0, 0], [0, sign, 0, 0], [0, 0, sign, 0], [0, 0, 0, 1]]

@@ -397,7 +397,11 @@ def test_where_time_was_over_there_was_no_budget_at_all() -> None:
         found = budget(asked, None, largest=0.15)
     words = [(own.end, own.tolerance, own.proved, own.points) for own in found.values()]
     assert words == [(End.TIME, 0.0, False, 0)] * 2
-    assert found["worst"].advice == found["worst"].reason == "the time given was over"
+    assert found["worst"].advice == "the time limit was met"
+    assert found["worst"].reason == "the time limit of 1e-09 s was met"
+    with pacing.within(1.0):  # what the command has where no time is given
+        pacing.begin(1e-9, usual=True)
+        assert budget(asked, None, largest=0.15)["worst"].reason == "the usual time limit of 1e-09 s was met"
 
 
 def test_a_tolerance_at_which_round_parts_come_to_touch_was_one_of_their_facets() -> None:

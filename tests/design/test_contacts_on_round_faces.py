@@ -339,3 +339,16 @@ def test_corners_of_a_lid_near_those_of_its_box_hid_the_spigot_in_its_hole():
     stack = fo.stack_up(fo.Problem(lid, box, sizes=sizes, made={}, goal="clear", motion=motion))
     assert [stack.worst().least, stack.worst().largest] == pytest.approx([0.46, 0.51], abs=1e-9)
     assert fo.verify(stack).passed
+
+
+def test_the_end_face_of_a_disc_was_told_as_its_cylinder() -> None:
+    """A cover .1 above a disc in a pocket: the corner at which the disc is exact is on both of its faces."""
+    pocket = fo.cut(fo.Box((60, 60, 15), centre=(0, 0, -2.5)), fo.Cylinder(20.0, 6.0), name="base")
+    disc, cover = fo.Cylinder(19.9, 4.9, name="disc"), fo.Box((60, 60, 8), centre=(0, 0, 9), name="cover")
+    thickness = fo.Size("thickness", "disc", faces=["+z", "-z"], each=0.5, tolerance=0.03)
+    contacts = [("disc", "base"), ("cover", "base"), {"parts": ("cover", "disc"), "goal": "clear"}]
+    lift = fo.Translation("z")
+    asked = fo.Assembly([pocket, disc, cover], contacts, [thickness], {"disc": lift, "cover": lift})
+    stack = fo.stack_up(asked, of=("cover", "disc"))
+    assert {row.told for row in stack.rows} == {"bottom face of cover, top face of disc"}
+    assert stack.worst().least == pytest.approx(0.07, abs=1e-9)

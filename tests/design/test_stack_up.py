@@ -716,6 +716,22 @@ def test_a_size_that_the_worst_case_does_not_depend_on_is_not_told_at_it() -> No
     assert all("near" in line and "far" not in line for line in lines)
 
 
+def test_a_size_in_the_middle_of_its_tolerance_was_left_out_where_the_gap_is_largest() -> None:
+    """.1 of play a side, .152 at most by their widths; above it .15, so that the height of the lid counts as well."""
+    walls = [[*product(x, (-5, 5), (-5, 5))] for x in ((-4.1, -2.1), (2.1, 4.1))]
+    static = fo.Body.from_parts([*walls, [*product((-4.1, 4.1), (-5, 5), (1.15, 3))]], seed=(0, 0, 0), name="tunnel")
+    block = fo.Size("block", "movable", faces=["+x", "-x"], each=0.5, tolerance=(-0.052, 0.0))
+    faces = [{"through": (-2.1, 0, 0)}, {"through": (2.1, 0, 0)}]
+    width = fo.Size("width", "static", faces=faces, each=-0.5, tolerance=(0.0, 0.052))
+    lid = fo.Size("lid", "static", faces=[{"through": (0, 0, 1.15)}], each=-1.0, tolerance=(0.0, 0.07))
+    stack = stacked(box((-2, -4, -1), (2, 4, 1)), static, block, width, lid)
+    assert stack.worst().largest == pytest.approx(0.152, abs=1e-12)
+    (line,) = (line for line in str(stack).splitlines() if line.startswith("worst case, largest"))
+    told = {name: float(off) for name, off in re.findall(r"(block|width|lid) ([-+][\d.]+)", line)}
+    assert stack.gap(told) == pytest.approx(0.152, abs=1e-12)
+    assert stack.gap({**told, "lid": 0.0}) == pytest.approx(0.15, abs=1e-12)
+
+
 def test_a_gap_that_the_weights_of_free_motions_decide_did_not_say_so() -> None:
     """A part s wider between two jaws: of all places where the right jaw touches it the weights choose one."""
 

@@ -353,3 +353,17 @@ def test_a_pin_that_came_out_larger_took_its_number_from_the_others():
     which = [int(number) - 1 for number in drawn]
     for made in ((0.0, 0.05, 0.0), (0.01, 0.05, 0.02)):
         assert names(*made) == [f"cylinder radius {2.0 + made[k]:g} no. {k + 1}" for k in which]
+
+
+def test_a_bore_that_a_pin_touches_was_told_as_a_chord_across_it() -> None:
+    """An edge of the convex parts within a pair of lugs, from one end of their bore's rim to far off it."""
+    boxes = [Box((8, 20, 20), centre=(x, 0, 2)) for x in (-18, 18)]
+    solid = joined(*boxes, Box((44, 20, 6), centre=(0, 0, -11)))
+    lugs = cut(solid, Cylinder(6.005, 60.0, base=(-30, 0, 0), axis="x"), name="lugs")
+    pin = Cylinder(5.995, 50.0, base=(-25, 0, 0), axis="x", name="pin")
+    motion = Translation("y") >> Translation("z")
+    found = solve(Problem(pin, lugs, goal="touch", target=(1, 1), motion=motion))
+    assert found.amount == pytest.approx(0.01, abs=1e-9)
+    problem, (feature,) = found.problem, found.features
+    told = feature.in_words(problem.movable, problem.static)
+    assert told == "cylinder of radius 5.995 of pin, bore of radius 6.005 of lugs"

@@ -612,3 +612,26 @@ def test_a_plate_under_a_gripped_rod_left_what_true_parts_need_unknown() -> None
     assert [found.amount_low, found.amount_high] == pytest.approx([np.linalg.norm(by_hand)] * 2, abs=1e-9)
     assert "smallest possible together (proved)" in str(found)
     assert fo.verify(found, proof=True).passed
+
+
+def test_plane_contacts_of_round_parts_that_share_motions_were_told_of_meshes() -> None:
+    """A disc in a pocket under a cover that is to stay clear of it: each rises by what its plane faces are off."""
+    pocket = fo.cut(fo.Box((60, 60, 15), centre=(0, 0, -2.5)), fo.Cylinder(20.0, 6.0), name="base")
+    disc, cover = fo.Cylinder(19.9, 4.9, name="disc"), fo.Box((60, 60, 8), centre=(0, 0, 9), name="cover")
+    sizes = [
+        fo.Size("depth", "base", faces=[{"through": (0, 0, 0)}], each=-1.0, tolerance=0.2),
+        fo.Size("thickness", "disc", faces=["+z", "-z"], each=0.5, tolerance=0.2),
+        fo.Size("bulge", "cover", faces=["-z"], tolerance=0.2),
+    ]
+    contacts = [("disc", "base"), ("cover", "base"), {"parts": ("cover", "disc"), "goal": "clear"}]
+    asked = fo.Assembly([pocket, disc, cover], contacts, sizes, {"disc": Z, "cover": Z})
+    thick = fo.solve(asked.changed(made={"thickness": 0.03, "depth": -0.02, "bulge": 0.01}))
+    least = math.hypot(0.035, 0.01)
+    assert (thick.amount_low, thick.amount_high) == pytest.approx((least, least), abs=1e-9)
+    assert not thick.left_by_mesh
+    over = fo.solve(asked.changed(made={"thickness": 0.15, "depth": -0.02}))  # .07 more than there is room for
+    assert over.advice.endswith("Proved impossible with this motion: choose another motion, a smaller tolerance or "
+                                "other sizes.")  # fmt: skip
+    assert not over.left_by_mesh
+    dished = fo.cut(cover, fo.Sphere(40.0, centre=(0, 0, 44.0)), name="cover")  # its facets decide nothing
+    assert not fo.solve(fo.Assembly([pocket, disc, dished], contacts, sizes, {"disc": Z, "cover": Z})).left_by_mesh

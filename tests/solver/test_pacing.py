@@ -123,7 +123,7 @@ def test_half_an_answer_was_taken_for_all_that_can_be_had(counted: None) -> None
     with pacing.within(3.0):
         found = budget(problem, 0.1)
     assert [own.tolerance for own in found.values()] == [0.0] * 4
-    assert str(found["A"]) == "A: not known, the time given was over"
+    assert str(found["A"]) == "A: not known, the time limit was met"
     with pacing.within(3.0):
         assert solve(problem, time=math.inf).stopped
 

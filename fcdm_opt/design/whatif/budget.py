@@ -80,7 +80,7 @@ class End(Enum):
     MISFIT = "the parts do not go together"
     NOT_VERIFIED = "the judge rejects the motion"
     LARGEST = "the largest tolerance looked at is still good"
-    TIME = "the time given was over"
+    TIME = "the time limit was met"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,7 +103,7 @@ class Budget(Plain):
     # what it means for each body, minus and plus, (2, 2), or each size, least and largest deviation, (k, 2):
     # `tolerance` times the shape. Of an assembly's scales twice the deviation of each part
     table: Array
-    end: End  # what is wrong just above it; or that the time given was over, so that larger ones may be good
+    end: End  # what is wrong just above it; or that the time limit was met, so that larger ones may be good
     # at `tolerance`, None where that is 0 and the parts as drawn are not good, or the question does not hold there
     solution: Bounded | None
     above: Bounded | None  # at the upper end of the bracket, None where the largest tolerance looked at is good
@@ -531,11 +531,12 @@ class _Tolerances:
         """Return the budget; where the time is over, how far all tolerances that were looked at are good."""
         try:
             return self._found()
-        except pacing.TimeOverError:
+        except pacing.TimeOverError as late:
             bad = min((tau for tau, point in self.points.items() if not point.good), default=np.inf)
             good = (point for tau, point in self.points.items() if tau < bad)
             low, high = max(good, key=lambda own: own.tau, default=None), self.points.get(bad)
-            return self._result(low, high, Order.ANY, End.TIME.value, self.largest / self.cells)
+            found = self._result(low, high, Order.ANY, late.why, self.largest / self.cells)
+            return found if high is not None else replace(found, end=End.TIME)
 
     def _found(self) -> Budget:
         spacing, (lie, why) = 0.0, order(self.widest, self.letter)
@@ -561,13 +562,13 @@ class _Tolerances:
         return self._result(low, high, lie, why, spacing)
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
-        tolerance, late = 0.0 if low is None else low.tau, why == End.TIME.value
+        tolerance = 0.0 if low is None else low.tau
         touching: TouchingSizes | None = vars(self).get("touching")  # where it was asked for in time
         return Budget(
             requirement=self.letter,
             tolerance=tolerance,
             table=frozen(tolerance * self.shape),
-            end=End.TIME if late and high is None else self._end(high),
+            end=self._end(high),
             solution=None if low is None else low.solution,
             above=None if high is None else high.solution,
             bracket=(tolerance, self.largest if high is None else high.tau),
