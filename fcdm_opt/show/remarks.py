@@ -60,7 +60,7 @@ def remarks(solution: Solution) -> list[str]:
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
-    if number_text(low, 4) != number_text(high, 4) and not solution.left_by_mesh:
+    if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
         told.append(f"the true round parts need between {number_text(low)} and {end}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
