@@ -157,7 +157,8 @@ def straight(task: Task) -> Answer | None:
     free = np.flatnonzero(~_within(places, lows, highs, "left"))
     if not free.size:
         return _impossible(stage)
-    least = float(places[free[0]])
+    alike = np.abs(places[free]) <= abs(places[free[0]]) + slack  # of both ways as long, rounding would choose either
+    least = float(places[free][alike].max())
     stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
     for place in places[: free[0]].tolist() if others.any() else ():
         in_the_way = blocked[(lows < place) & (place < highs)]
