@@ -170,8 +170,8 @@ def named(axis: Array) -> AxisWord | tuple[float, float, float]:
     shares = axis / np.abs(axis[k])
     few = np.round(shares, FEW)
     shares = few if np.abs(few - shares).max() <= NOISE else np.round(shares, ENOUGH)
-    x, y, z = np.where(np.abs(shares) <= DEFAULT.nominal, 0.0, shares).tolist()
-    return XYZ[k] if others <= DEFAULT.nominal else (x + 0.0, y + 0.0, z + 0.0)
+    x, y, z = np.where(np.abs(shares) <= DEFAULT.side, 0.0, shares).tolist()  # what a solution is known to
+    return XYZ[k] if others <= DEFAULT.side else (x + 0.0, y + 0.0, z + 0.0)
 
 
 def _simpler(situation: Situation, choice: Choice) -> Choice:

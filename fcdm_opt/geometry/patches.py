@@ -342,6 +342,9 @@ class _Placed:
             rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
+                corners = self.corners[self.faces.owners == j].reshape(-1, 3)
+                if own.surface.flat and self.patches[k].gaps(corners)[0].max() <= DEFAULT.tie * self.faces.body.size:
+                    found[rows] |= self.faces.has_points(j, self.drawn(points[rows]))  # from chords to the rim
         off = self.scale * max(deviation_of(self.faces.body))  # of chords of edges
         rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
         if len(rows):

@@ -364,6 +364,8 @@ def _surrounded(body: Body, own: Ints, others: Ints) -> bool:
     """Tell whether faces that look the same way lie all round some, seen along the normal: those end a feature."""
     sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
     mine, theirs = (body.vertices[np.concatenate([body.faces[k] for k in rows]) - 1] @ sides for rows in (own, others))
+    if (mine.min(axis=0) < theirs.min(axis=0)).any() or (mine.max(axis=0) > theirs.max(axis=0)).any():
+        return False  # a rim about a floor, say
     angles = np.sort(np.arctan2(*(theirs - mine.mean(axis=0)).T))
     return bool(np.diff(angles, append=angles[0] + 2.0 * np.pi).max() < np.pi - DEFAULT.nominal)
 

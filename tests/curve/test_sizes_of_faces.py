@@ -699,6 +699,12 @@ def test_a_tongue_measured_as_much_as_the_part_that_it_stands_on() -> None:
     assert (depth.drawn(socket), thickness.drawn(socket)) == pytest.approx((4.0, 6.0))
 
 
+def test_the_height_of_a_tray_was_measured_from_its_floor() -> None:
+    """A rim at 12 about a floor at 2: what moves the rim alone is the height of 12, not the depth of 10."""
+    tray = fo.cut(fo.Box((30, 60, 12), centre=(0, 0, 6)), fo.Box((26, 56, 20), centre=(0, 0, 12)))
+    assert fo.Size("height", "movable", faces={"through": (14, 0, 12)}, each=1).drawn(tray) == pytest.approx(12.0)
+
+
 @pytest.mark.parametrize("goal", ["seat", "at", "touch"])
 def test_a_stop_on_a_round_rod_lost_its_contact_at_another_diameter(goal: Any) -> None:
     # corners of a rod that is taken as round go with its cylinder: facets are not where their planes would be alone

@@ -942,3 +942,15 @@ def test_a_clearance_that_a_bore_does_not_leave_was_told_to_be_open_on_true_face
     solution = fo.solve(asked(pin(4.98, facets=96), plate(5.0, wide=12.0), X >> Y, goal="clear", clearance=0.021))
     assert solution.status.name == "OUTSIDE_FIT"
     assert solution.doubt == ""
+
+
+def test_a_disc_flush_on_another_was_inside_it_between_a_chord_and_its_rim() -> None:
+    """Shifted by .01 it overlaps nothing: its rim is in the plane of the other's end, not behind that one's side."""
+    base, cover = fo.Cylinder(50.0, 10.0, facets=48), fo.Cylinder(50.0, 8.0, base=(0, 0, 10), facets=44)
+    shifted = np.eye(4)
+    shifted[:2, 3] = 0.01 * np.cos(np.pi / 48), 0.01 * np.sin(np.pi / 48)  # to the middle of a chord
+    found = nearest_on_faces([true_faces(cover), true_faces(base)], (1.0, 1.0), shifted, 0.1)
+    assert min((own.gap for own in found), default=0.0) >= -1e-9
+    shifted[2, 3] = -0.001  # then it is inside by that, whatever its rim says
+    found = nearest_on_faces([true_faces(cover), true_faces(base)], (1.0, 1.0), shifted, 0.1)
+    assert min((own.gap for own in found), default=0.0) >= -0.001 - 1e-9
