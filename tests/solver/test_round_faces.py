@@ -292,6 +292,18 @@ def test_bodies_about_parts_that_overlap_as_drawn_showed_what_true_parts_need(mo
     assert solution.amount_low < 0.01
 
 
+def test_parts_known_to_be_round_were_to_be_rounded_in_their_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What took too long was left open as of facets, with a line for a file that parts made in Python do not have."""
+    monkeypatch.setattr(apart_until, "MOST", 10)
+    hub = fo.cut(fo.Cylinder(14, 20), d_shaped(6, 4, 24))
+    sizes = [fo.Size("flat", "movable", faces={"through": (3.985, 0, 10)}, each=1, tolerance=0.01)]
+    shaft = d_shaped(5.98, 3.985, 30)
+    solution = usable(fo.Problem(shaft, hub, sizes=sizes, made={"flat": -0.01}, goal="touch", motion=X >> Y))
+    assert solution.amount == pytest.approx(0.02, **NEAR)
+    assert "less is not ruled out on their round faces" in solution.left_by_mesh
+    assert "round = true" not in solution.left_by_mesh
+
+
 def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     """About the middle of a bore of length h: h sin a + 2 r = 2 R cos a, seen along the axis of the turn."""
     r, R, h = 9.9, 10.0, 20.0
