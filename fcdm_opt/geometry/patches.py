@@ -324,10 +324,12 @@ class _Placed:
         return self.seed + (points - self.centre) @ self.turn / self.scale
 
     def covers(self, k: int, points: Array) -> Flags:
-        """Tell which points of a patch are on the piece of it that its triangles stand for."""
+        """Tell which points are over, or below, the piece of a patch that its triangles stand for."""
         corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
-        met, far = _lines(points, self.patches[k].gaps(points)[1], corners)
-        there = np.abs(far) <= 2.0 * self.scale * self.faces.off_triangles + near  # not the far side of a cylinder
+        gaps, normals = self.patches[k].gaps(points)
+        met, far = _lines(points, normals, corners)
+        off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
+        there = off <= 2.0 * self.scale * self.faces.off_triangles + near
         found = np.asarray((met & there).any(axis=1))
         for plane, hole in self.faces.rims if found.any() else ():
             if plane == k:
