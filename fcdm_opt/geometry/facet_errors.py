@@ -523,7 +523,8 @@ def rounding_line(bodies: Sequence[Body]) -> str:
 
 def may_be_rounded(body: Body) -> bool:
     """Tell whether facets are taken as they are, and `rounded` would take them for round faces."""
-    found = _of_round_faces(body) if body.surfaces is None and body.full_body is None else None
+    as_they_are = body.surfaces is None and body.full_body is None and body.exact is None
+    found = _of_round_faces(body) if as_they_are else None
     return found is not None and bool(found.surfaces)
 
 

@@ -112,10 +112,12 @@ def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[La
         RADIUS.sub(lambda own: f"{float(own[0]):.{FEW}g}", own.name) if four_digits else own.name for own in rounds
     ]
     names = dict(sorted(zip(order, numbered_names([called[k] for k in order]), strict=True)))
-    if body.drawn is not None and body.drawn.faces == body.faces:
-        known = names_of_faces(body.drawn, four_digits=four_digits)
-        numbers = [NUMBER.search(known.get(own.faces[0], "")) for own in rounds]
-        as_drawn = {k: called[k] + (number[0] if number else "") for k, number in enumerate(numbers)}
+    if (drawn := body.drawn) is not None:  # surfaces that are told are in the same order, whatever labels faces have
+        before = _looks(drawn)[1] if body.surfaces is not None else rounds if drawn.faces == body.faces else []
+        known = names_of_faces(drawn, four_digits=four_digits)
+        numbers = [NUMBER.search(known.get(own.faces[0], "")) for own in before]
+        alike = zip(called, numbers, strict=False)
+        as_drawn = {k: name + (number[0] if number else "") for k, (name, number) in enumerate(alike)}
         if len(set(as_drawn.values())) == len(names):  # else sizes have made faces alike that are not as drawn
             names = as_drawn
     return {face: name for k, name in names.items() for face in rounds[k].faces}

@@ -140,7 +140,7 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
-        for known in ("_boxes", "_off_triangles", "rims"):
+        for known in ("_boxes", "off_triangles", "rims"):
             other.__dict__.pop(known, None)
         other._join(unit_normals(corners))
         return other
@@ -173,7 +173,7 @@ class TrueFaces:
 
     def has_points(self, k: int, points: Array) -> Flags:
         """Tell which points of a surface, (n, 3), are on the patch, its edge counted: as far as triangles leave it."""
-        near = DEFAULT.nominal * self.body.size + self._off_triangles
+        near = DEFAULT.nominal * self.body.size + self.off_triangles
         return np.asarray(self._distances(k, points).min(axis=0) <= near)
 
     @cached_property
@@ -182,11 +182,11 @@ class TrueFaces:
         ends = np.full((2, len(self.patches), 3), [[[np.inf]], [[-np.inf]]])
         np.minimum.at(ends[0], self.owners, self.corners.min(axis=1))
         np.maximum.at(ends[1], self.owners, self.corners.max(axis=1))
-        beyond = DEFAULT.nominal * self.body.size + self._off_triangles
+        beyond = DEFAULT.nominal * self.body.size + self.off_triangles
         return ends + np.array([-beyond, beyond])[:, None, None]
 
     @cached_property
-    def _off_triangles(self) -> float:
+    def off_triangles(self) -> float:
         """How far faces leave their triangles at most, or round edges of them their chords: those of a cone by more."""
         found = max(deviation_of(self.body))
         for k in np.flatnonzero(self.is_round).tolist():
@@ -202,8 +202,11 @@ class TrueFaces:
         both = np.concatenate([self.every_pair_of_patches, self.every_pair_of_patches[:, ::-1]])
         flat, concave = np.array([(own.surface.flat, own.concave) for own in self.patches]).T
         rows, middles = flat[both[:, 0]] & concave[both[:, 1]], np.tile(self.every_edge.mean(axis=1), (2, 1))
+        for hole in np.unique(both[rows, 1]).tolist():  # straight edges are no rim, as of the flat of a D-shaped bore
+            own = np.flatnonzero(rows & (both[:, 1] == hole))
+            rows[own] = np.abs(self.patches[hole].gaps(middles[own])[0]) > self.slack
         pairs = map(tuple, np.unique(both[rows], axis=0).tolist())
-        return {(k, hole): middles[(both == (k, hole)).all(axis=1)] for k, hole in pairs}
+        return {(k, hole): middles[rows & (both == (k, hole)).all(axis=1)] for k, hole in pairs}
 
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
@@ -321,11 +324,13 @@ class _Placed:
         return self.seed + (points - self.centre) @ self.turn / self.scale
 
     def covers(self, k: int, points: Array) -> Flags:
-        """Tell which points of a patch are on the piece of it that its triangles stand for."""
+        """Tell which points are over, or below, the piece of a patch that its triangles stand for."""
         corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
-        met, far = _lines(points, self.patches[k].gaps(points)[1], corners)
-        longest = norms(corners - np.roll(corners, 1, axis=1)).max(axis=1)
-        found = np.asarray((met & (np.abs(far) <= longest)).any(axis=1))  # not the far side of a cylinder
+        gaps, normals = self.patches[k].gaps(points)
+        met, far = _lines(points, normals, corners)
+        off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
+        there = off <= 2.0 * self.scale * self.faces.off_triangles + near
+        found = np.asarray((met & there).any(axis=1))
         for plane, hole in self.faces.rims if found.any() else ():
             if plane == k:
                 found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)

@@ -7,8 +7,8 @@ branch and bound over pieces of faces.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache, reduce
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -85,15 +85,19 @@ class FacePieces(NamedTuple):
             there[rows] &= ~faces.in_hole(plane, hole, self.corners[rows], DEFAULT.tie * faces.body.size)
         found, of, near = self.only(there), np.flatnonzero(there), faces.slack
         for plane, hole in faces.rims:
-            rim = faces.patches[hole].surface
-            for _ in range(LEVELS if plane in _encircling(faces, hole) else 0):
+            rim, beyond = faces.patches[hole].surface, partial(faces.in_hole, plane, hole, near=near)
+            for _ in range(LEVELS):
                 own = found.patches == plane
                 out = np.where(own[:, None], _out(found.corners, rim) - rim.radius, np.inf)
                 on = np.abs(out) <= near
-                chords = on & np.roll(on, -1, axis=1) & (found.others < 0)
-                found = found._replace(others=np.where(chords, hole, found.others))
-                side, points = _crossing(found.corners, out, rim, near)
-                kept, cut = (out > near).any(axis=1) & (side < 0), side >= 0
+                k, sides = np.nonzero(on & np.roll(on, -1, axis=1) & (found.others < 0))
+                ends = np.stack([found.corners[k, sides], found.corners[k, (sides + 1) % 3]], axis=1)
+                chords = beyond(ends)
+                found.others[k[chords], sides[chords]] = hole
+                side, points = _crossing(found.corners, out, rim, near, beyond)
+                kept, cut = side < 0, side >= 0
+                within = np.flatnonzero(kept & (out <= near).all(axis=1))
+                kept[within[beyond(found.corners[within])]] = False
                 if kept.all():
                     break
                 halves = found.only(cut).halved(side[cut], points[cut])
@@ -407,9 +411,13 @@ def _out(corners: Array, surface: Swept) -> Array:
     return np.asarray(steep * norms(_across(corners, surface)) - slope * ((corners - surface.origin) @ surface.axis))
 
 
-def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints, Array]:
+def _crossing(
+    corners: Array, out: Array, rim: Swept, near: float, beyond: Callable[[Array], Flags]
+) -> tuple[Ints, Array]:
     """Return a side of each piece that enters a hole, -1 where none does, and where it crosses the rim, (n, 3)."""
-    # the hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces
+    # the hole is convex. `out`: how far outside it the corners are, (n, 3), infinite for pieces of other faces.
+    # `beyond`: tells of points, (m, 1, 3), which are between a chord of the rim and the rim: a face that is not all
+    # about the hole, as of a D-shaped bore, goes on in the rest of its circle
     ends = np.roll(corners, -1, axis=1)
     there, far = np.roll(out, -1, axis=1), np.maximum(out, np.roll(out, -1, axis=1))
     may = np.isfinite(out) & (far > near) & (out + there - norms(ends - corners) < -2.0 * near)
@@ -426,6 +434,7 @@ def _crossing(corners: Array, out: Array, rim: Swept, near: float) -> tuple[Ints
         low, high = np.where(falls, one, low), np.where(falls, high, two)
     inside, outside = (low + high) / 2.0, np.where(out[rows, sides] > there[rows, sides], 0.0, 1.0)
     enters = at(inside) < -near
+    enters[enters] = beyond((a + inside[:, None] * (b - a))[enters, None])
     for _ in range(HALVINGS):
         middle = (inside + outside) / 2.0
         within = at(middle) < 0.0

@@ -294,9 +294,9 @@ def points_of_true_faces(
         return None
     slack, points = asked.facets.contact_slack, asked.points
     drawn = asked.nearest(np.eye(4), slack)
-    if problem.exact_at is None:
-        asked.add([own for own in drawn if abs(own.gap) <= slack])
     apart = problem.goal == "touch" and len(problem.weights) > 1 and all(own.gap > slack for own in drawn)
+    if problem.exact_at is None:  # of parts that are apart at the nearest too: else plane faces may be what facets meet
+        asked.add([own for own in drawn if apart or abs(own.gap) <= slack])
     cleared = problem.goal == "clear" or any(own.gap < -slack for own in drawn)  # parts within need no more than these
     deepest, least, before = np.inf, np.inf, list[NearestPoints]()
     touching: tuple[float, Points] | None = None  # the amount after which they first do, to within what counts as that

@@ -401,3 +401,16 @@ def test_a_map_that_ends_where_the_parts_touch_as_drawn_had_no_known_error(pin):
     assert found.undecided == 0
     places = np.random.default_rng(1).uniform([-0.1, -0.1], [0.1, 0.0], (20, 2))
     assert found.at(*places.T).amount == pytest.approx(-places[:, 1], abs=1e-9)
+
+
+@pytest.mark.parametrize("axes", ["y", "xy"])
+def test_a_centred_pin_went_either_way_from_size_to_size(axes):
+    """Half of the play, .02 and half of what the bore is wider, either way: the map was off by .125, its points not."""
+    bore = fo.cut(fo.Cylinder(14, 20), fo.Cylinder(6, 24, base=(0, 0, -2)))
+    sizes = [fo.Size("bore", "static", faces="bore radius 6", each=-0.5, tolerance=(0, 0.018))]
+    motion = fo.Translation("y") if axes == "y" else fo.Translation("x") >> fo.Translation("y")
+    pin = fo.Cylinder(5.98, 30, base=(0, 0, -5))
+    found = compensation_map(fo.Problem(pin, bore, sizes=sizes, made={}, goal="touch", motion=motion), seconds=60.0)
+    places = np.linspace(0.0, 0.018, 10)
+    assert found.at(places).amount == pytest.approx(0.02 + places / 2, abs=1e-9)
+    assert found.reached < 1e-6

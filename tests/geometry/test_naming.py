@@ -367,3 +367,21 @@ def test_a_bore_that_a_pin_touches_was_told_as_a_chord_across_it() -> None:
     problem, (feature,) = found.problem, found.features
     told = feature.in_words(problem.movable, problem.static)
     assert told == "cylinder of radius 5.995 of pin, bore of radius 6.005 of lugs"
+
+
+def test_balls_whose_rims_cut_walls_anew_kept_no_numbers():
+    """Other labels than as drawn: of three balls the others were "no. 1" and "no. 2" when one was larger."""
+    centres = (-20.0, -29.0, 8.0), (30.0, -29.0, 8.0), (-34.0, 0.0, 8.0)
+    walls = Box((90.0, 8.0, 30.0), centre=(5.0, -35.0, 0.0)), Box((8.0, 40.0, 30.0), centre=(-40.0, 0.0, 0.0))
+    fixture = joined(*walls, *(Sphere(4.0, centre=own, facets=12) for own in centres))
+    sizes = [Size(f"ball {k}", "static", faces=f"sphere radius 4 no. {k}", tolerance=0.1) for k in (1, 2, 3)]
+
+    def names(*made: float) -> dict[tuple[float, ...], str]:
+        one = resized(fixture, dict(zip(sizes, made, strict=True)))
+        return {tuple(np.round(own.surface.origin, 6)): names_of_faces(one)[own.faces[0]] for own in round_faces(one)}
+
+    drawn = names(0.0, 0.0, 0.0)
+    assert {*drawn} == {*centres}
+    for made in ((0.03, 0.0, 0.0), (0.05, -0.03, 0.01)):
+        each = {place: int(name.rsplit(" ", 1)[1]) for place, name in drawn.items()}
+        assert names(*made) == {place: f"sphere radius {4.0 + made[k - 1]:g} no. {k}" for place, k in each.items()}
