@@ -354,7 +354,8 @@ class TouchingSizes:
         drawn = np.clip(0.0, self.box[:, 0], self.box[:, 1])
         gap, near = self.gap(place), DEFAULT.planarity * max(body.size for body in self.bodies)
         for own in np.eye(len(place), dtype=bool)[place != drawn]:
-            others = (np.where(own, ends, place) for ends in (drawn, *self.box.T))
+            at_end = (self.box[own] == place[own]).any()
+            others = (np.where(own, ends, place) for ends in (drawn, *(() if at_end else self.box.T)))
             place = next((other for other in others if abs(self.gap(other) - gap) <= near), place)
         return place + 0.0
 

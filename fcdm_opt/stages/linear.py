@@ -159,7 +159,7 @@ def straight(task: Task) -> Answer | None:
         return _impossible(stage)
     allowed = places[free]
     opposite = allowed[np.abs(allowed + allowed[0]) <= slack]
-    least = float(max([allowed[0], *opposite[:1]]))  # of two as long, one either way, rounding would choose either
+    least = float(min([allowed[0], *opposite[:1]]))  # of two as long, one either way, rounding would choose either
     stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
     for place in places[: free[0]].tolist() if others.any() else ():
         in_the_way = blocked[(lows < place) & (place < highs)]

@@ -299,7 +299,8 @@ def test_beyond_a_switching_point_is_a_quadratic_program(letter, x, y):
     solution = solved(crossing(tolerance=0.02, requirement=letter), math.hypot(x, y), TX=x, TY=y)
     np.testing.assert_allclose(solution.rho, [3 - 2 * x + y, 1 + x - y], rtol=1e-9)
     rho = np.array([3, 1]) * (1 + 0.02 * np.array(SIGNS[letter]))
-    gap = max(4 - x - rho.sum(), 5 - y - rho @ [1, 2])
+    each = np.array([4 - x - rho.sum(), 5 - y - rho @ [1, 2]])
+    gap = np.hypot(*each) if each.min() > 0.0 else each.max()  # apart the distance, else how deep
     assert solution.pair_gap == pytest.approx(gap, abs=1e-9)
     assert solution.status is (Status.PAIR_OVERLAPS if letter == "B" else Status.SOLVED)
     assert solution.pair_state == {"A": "touching", "B": "overlapping", "C": "apart", "D": "touching"}[letter]
