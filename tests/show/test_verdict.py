@@ -361,7 +361,7 @@ def test_a_face_in_single_precision_was_told_as_one_of_its_edges(tmp_path: Path)
     along = fo.Translation((-np.cos(np.pi / 6), -0.5, 0.0))
     asked = {"tolerance": 0.02, "requirement": "A", "goal": "touch", "motion": along}
     words = verdict_text(fo.solve(fo.Problem(*bodies, **asked), effort="quick"))
-    sides = r"then its face \d \(facing ([+-])x and \1y\) lies on face \d \(facing ([+-])x and \2y\) of plate;"
+    sides = r"then its face \d+ \(facing ([+-])x and \1y\) lies on face \d+ \(facing ([+-])x and \2y\) of plate;"
     told = re.search(sides, words)  # either way is as long
     assert told is not None
     assert {*told.groups()} == {"+", "-"}
