@@ -142,7 +142,9 @@ def _of_round_faces(body: Body) -> _OfRound | None:
             most = found[group].max(axis=1)
             kept = group[(most > DEFAULT.drawn * body.size) & ~_flats(most)]
             errors[rows[kept]] = np.maximum(errors[rows[kept]], found[kept])
-    surfaces = tuple(own for own in (_even(body, each, errors, normals) for each in rounds) if own[1])
+    each = (_even(body, own, errors, normals) for own in rounds)
+    distinct = {tuple(sorted(own[1])): own for own in reversed([*each]) if own[1]}  # of pieces of one face the first
+    surfaces = tuple(reversed(distinct.values()))
     return _OfRound(frozen(errors), surfaces, {face for own in rounds for face in own.faces}, looked=True)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 
 import fcdm_opt as fo
 from fcdm_opt import pacing
@@ -966,3 +967,17 @@ def test_a_disc_flush_on_another_was_inside_it_between_a_chord_and_its_rim() -> 
     shifted[2, 3] = -0.001  # then it is inside by that, whatever its rim says
     found = nearest_on_faces([true_faces(cover), true_faces(base)], (1.0, 1.0), shifted, 0.1)
     assert min((own.gap for own in found), default=0.0) >= -0.001 - 1e-9
+
+
+def test_a_shaft_that_a_key_divides_had_each_facet_on_three_cylinders(tmp_path: Path) -> None:
+    """Fits of the pieces differ by the digits of the file, and two of the three had no facet of their own."""
+    key = Manifold.cube([6.0, 7.8, 20.0]).translate([-3.0, 5.0, -5.0])
+    shaft = Manifold.cylinder(50.0, 10.0, 10.0, 96).translate([0.0, 0.0, -20.0]) + key
+    mesh = (shaft + Manifold.cylinder(10.0, 15.0, 15.0, 96).translate([0.0, 0.0, -30.0])).to_mesh()
+    points, rows = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
+    trimesh.Trimesh(points, rows, process=False).export(tmp_path / "shaft.stl")
+    body = rounded(fo.Body.from_file(tmp_path / "shaft.stl", unit="mm"))
+    every = [row for _, own in body.surfaces for row in own]
+    assert len(every) == len({*every}) > 0
+    assert sorted(float(own.radius) for own, _ in body.surfaces) == [10.0, 15.0]
+    assert true_faces(body).is_round.sum() == 2
