@@ -40,6 +40,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numba import __version__ as numba_version
 from numba import types
 from numba.core import config as numba_config
 from numba.core import event
@@ -50,6 +51,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from fcdm_opt import pacing
+from fcdm_opt.version import __version__ as version
 
 fcntl: Any = import_module("fcntl") if find_spec("fcntl") else None  # not on Windows
 
@@ -84,6 +86,7 @@ _left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are 
 _left[0] = IN_ALL
 _spent = np.frombuffer(mmap(-1, 8 * PLACES))  # seconds of each kernel, in all these processes
 _taken = [0.0]  # seconds that are to be noted
+ALL_PLACE = 1 << 32  # past every checksum, in the file of locks
 NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
 KEPT_AS = 2  # how code is kept: with another number it is made anew
 
@@ -255,6 +258,25 @@ def _note(took: float) -> None:
 def _kept_in(name: str) -> Path:
     """Return the path of a file beside the code that is kept."""
     return Path(_Files(_kept_in)._cache_path) / name
+
+
+def compiles_all() -> bool:
+    """Return whether this process is the one that compiles all kernels, until it ends: one at a time does."""
+    with suppress(OSError, TypeError):  # somebody else does, or there are no locks
+        fcntl.lockf(_locks(), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, ALL_PLACE)
+        return True
+    return False
+
+
+def all_kept(note: bool = False) -> bool:
+    """Return whether all kernels of this version were compiled and kept, or cannot be; or note that they were."""
+    known = f"{version} {numba_version}"
+    with suppress(RuntimeError, OSError):  # nowhere to write
+        place = _kept_in("all-kept")
+        if note:
+            place.write_text(known, "ascii")
+        return fcntl is None or (place.is_file() and place.read_text("ascii") == known)
+    return True
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from hypothesis.internal.conjecture import providers
 from fcdm_opt.threads import single
 
 single()  # as the command line does
+os.environ["FCDM_OPT_BACKGROUND"] = "0"  # no command compiles what it does not need
 os.environ["DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"] = "forkserver"  # its workers start in a second less
 pytest.register_assert_rewrite("curve_checks")  # checks shared by several files say what differs
 

@@ -75,4 +75,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     gc.set_threshold(*COLLECTED)
     process_pool.allow()
-    app(prog_name="fcdm-opt")
+    try:
+        app(prog_name="fcdm-opt")
+    finally:
+        starting.compile_in_background()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import operator
+import os
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 
 KINDS = "STL, OBJ, PLY, OFF, GLB or STEP"
 SUFFIX = ".toml"
+BACKGROUND, NICE = "FCDM_OPT_BACKGROUND", 10
 FILE = "File to write. Default: MOVABLE-STATIC.toml here."
 UNIT = 'Unit of all lengths: m, cm, mm, um, in or ft. Default: "mm".'
 CHORD = "How far triangles may leave curved faces of STEP files at most, in that unit."
@@ -79,22 +83,51 @@ def schema_command(
     typer.echo(json.dumps(schema, indent=2, ensure_ascii=False))
 
 
-def warmup_command() -> None:
-    """Compile the numerical kernels now and keep them: other commands do so when they first need one.
+def warmup_command(
+    background: Annotated[bool, typer.Option("--background", hidden=True)] = False,
+) -> None:
+    """Compile the numerical kernels now and keep them.
 
+    Without it, the first command that needs some has all others compiled in the background, at low priority.
     About three minutes the first time, on two cores; a few seconds where all are kept already.
     """
+    from fcdm_opt import compiling
     from fcdm_opt.design import warming
 
     start = perf_counter()
-    with pacing.working_on("warmup"):
-        pacing.at("compiling what all commands share, for the first time: about three minutes in all")
-        warming.shared()
-        groups = _moved, warming.sized
-        for done, result in enumerate(process_pool.each(operator.call, groups), 1):
-            result()
-            pacing.at("compiling", done, len(groups))
+    if not compiling.compiles_all() and background:
+        return
+    if background:
+        os.nice(NICE)
+    try:
+        with pacing.working_on("warmup"):
+            pacing.at("compiling what all commands share, for the first time: about three minutes in all")
+            warming.shared()
+            groups = _moved, warming.sized
+            for done, result in enumerate(process_pool.each(operator.call, groups), 1):
+                result()
+                pacing.at("compiling", done, len(groups))
+    finally:
+        compiling.all_kept(note=True)  # or not to be had: nobody tries again
     typer.echo(f"the numerical kernels are compiled and kept for later runs, in {perf_counter() - start:.0f} s")
+
+
+def compile_in_background() -> None:
+    """Have another process compile the kernels of all commands, after the first run that needed some."""
+    compiling = sys.modules.get("fcdm_opt.compiling")
+    if os.environ.get(BACKGROUND) == "0" or compiling is None or compiling.all_kept():
+        return
+    place = Path(__file__).parents[2]
+    with suppress(OSError):
+        subprocess.Popen(
+            [sys.executable, "-m", "fcdm_opt", "warmup", "--background"],
+            cwd=place,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        say(f"numerical kernels of other commands are now compiled in the background ({BACKGROUND}=0 keeps from that)")
 
 
 def _moved() -> None:

@@ -20,6 +20,7 @@ from conftest import PLAIN
 from documents import ROOT
 
 from fcdm_opt import compiling, pacing
+from fcdm_opt.cli import starting
 from fcdm_opt.compiling import kernel, light, stamp_of, step
 from fcdm_opt.curve import kernels
 
@@ -356,3 +357,38 @@ def test_163_kernels_told_a_user_nothing() -> None:
     assert told == [compiling.NOTICE]
     assert not any(sign.isdigit() for sign in compiling.NOTICE)
     assert "warmup" not in compiling.NOTICE, "the command that compiles them all tells this too"
+
+
+def test_kernels_of_other_commands_are_compiled_in_the_background_by_one_process_and_not_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun: list[list[str]] = []
+    monkeypatch.setattr(compiling, "_kept_in", lambda name: tmp_path / name)
+    monkeypatch.setattr(starting.subprocess, "Popen", lambda line, **_: begun.append(line))
+    starting.compile_in_background()
+    assert not begun, f"{starting.BACKGROUND} keeps from that"
+    monkeypatch.delenv(starting.BACKGROUND)
+    starting.compile_in_background()
+    assert begun == [[sys.executable, "-m", "fcdm_opt", "warmup", "--background"]]
+    assert starting.BACKGROUND in capsys.readouterr().err
+    compiling.all_kept(note=True)
+    starting.compile_in_background()
+    assert len(begun) == 1
+    monkeypatch.setattr(compiling, "version", "other than what is noted")
+    starting.compile_in_background()
+    assert len(begun) == 2
+
+
+def test_a_second_process_in_the_background_ends_at_once(tmp_path: Path) -> None:
+    first = "from fcdm_opt import compiling; assert compiling.compiles_all(); print(flush=True); input()"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", first], env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as holds:
+        assert holds.stdout
+        holds.stdout.readline()
+        line = [sys.executable, "-m", "fcdm_opt", "warmup", "--background"]
+        done = subprocess.run(line, env=env, capture_output=True, text=True, check=True)
+        holds.communicate("\n")
+    assert done.stdout == "", "it says how long it took where it compiled"
+    assert not list(tmp_path.rglob("*.nbc")), "compiled by two at a time"
