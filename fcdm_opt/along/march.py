@@ -197,7 +197,8 @@ class March:
             near = neighbours or [row for row in near if self._causes[self._groups[row]].kind == "parallel lines"]
         elif "scale" in kinds:
             near = [row for row in near if self._causes[self._groups[row]].kind == "scale"]
-        causes = dict.fromkeys(self._causes[self._groups[row]] for row in near)
+        first, *others = dict.fromkeys(self._causes[self._groups[row]] for row in near)
+        causes = sorted((first, *others), key=lambda own: (own.kind != first.kind, own.feature, own.what))
         return Stop(x, tuple(causes), expanded[near[0]], self._conditions.chosen([near[0]]))
 
     def _parallel(self, x: float) -> list[Cause]:
