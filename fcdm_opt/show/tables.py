@@ -265,7 +265,7 @@ def print_whatif(answer: WhatIf) -> None:
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
-    notes += beyond_tolerances(answer.after.question)
+    notes += [*filter(None, [answer.unchanged_text]), *beyond_tolerances(answer.after.question)]
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
     for name, own in (("before", answer.before), ("after", answer.after)):
         why = verdict_text(own) if isinstance(own.question, Problem) else own.explained

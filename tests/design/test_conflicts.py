@@ -380,7 +380,7 @@ def test_small_shares_of_a_deviation_that_fit_were_said_not_to():
         found = conflicts(asked, relax=False)
         assert found.deviation is not None
         assert found.deviation.value == pytest.approx(share, rel=2e-6, abs=1e-7, nan_ok=True)
-        told = f"with {found.deviation.value:.6g}" if share > 0.0 else "with no share"
+        told = f"with {100 * found.deviation.value:.6g} %" if share > 0.0 else "with no share"
         assert f"{told} of the deviation from nominal" in str(found)
 
 
