@@ -38,6 +38,20 @@ class Scene(ABC):
     resolution: Any
     request: Mapping[str, Any]
 
+    def __eq__(self, other: object) -> bool:
+        """Tell whether another question asks the same, of the same bodies and the same parts of these."""
+        if self is other or not isinstance(other, type(self)):
+            return self is other
+        return self._outline == other._outline and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(self._outline)
+
+    @property
+    def _outline(self) -> str:
+        """What is quickly compared of a question, and what it has worked out that its plain data do not say."""
+        return repr((self.name, self.coordinates, *self.scales_made.items(), *sorted((self.made or {}).items())))
+
     @property
     @abstractmethod
     def size(self) -> float:

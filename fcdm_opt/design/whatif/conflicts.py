@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
-from fcdm_opt.design.whatif.search import FINE, Clash, ClashSearch, LeastRelaxation, Trial
+from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
-from fcdm_opt.problem.fit import unlike_steps
+from fcdm_opt.problem.fit import unlike_steps, verdict
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 
@@ -66,10 +66,10 @@ class Conflicts(Plain):
         least = sorted(self.relaxations, key=lambda one: one.amount if one.cures else math.inf)
         lines += [f"to relax alone: {one}" for one in least]
         if self.deviation is not None:
-            value, what = self.deviation.value, "of the deviation from nominal"
-            none = f"no share {what}, down to {0.0 if math.isnan(value) else FINE:g},"
-            share = f"{100.0 * value:.6g} % {what}" if self.deviation.cures else none
-            lines.append(f"with {share} a motion is found (sampled)")
+            value, found = 100.0 * self.deviation.value, "deviation from nominal a motion is found (sampled)"
+            share = f"{value:.6g} % of the" if value > 0.0 else "no share, however small, of the"
+            none = ", nor without any deviation" * math.isnan(value)
+            lines.append(f"with {share} {found}{none}")
         lines += [f"try {trial}" for trial in self.trials]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
@@ -140,7 +140,7 @@ def conflicts(
     return Conflicts(
         problem=scene,
         constraints=search.constraints,
-        reason=whole.reason or unlike_steps(scene),
+        reason=verdict(scene) or unlike_steps(scene) or whole.reason,
         clashes=tuple(clashes),
         complete=complete,
         relaxations=relaxations,

@@ -100,8 +100,7 @@ class WhatIf(Plain, NotebookRepr):
         """That the change does not change the answer, in words, or is none; "" where it does."""
         if self.changed and self.differences:
             return ""
-        same_answer = f"{', '.join(self.changed)} does not matter here: the answer is the same"
-        return same_answer if self.changed else "nothing is changed: the question has these values already"
+        return "the answer stays the same" if self.changed else "nothing is changed: the question is the same"
 
 
 def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:
