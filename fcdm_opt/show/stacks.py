@@ -114,7 +114,8 @@ def print_faces(body: Body, role: str) -> None:
         covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
-    print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",))
+    notes = ["area of a round face: that of its facets"] * any(", " in row["plane"] for row in rows if row["area"])
+    print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",), notes=notes)
     if len(rows) > MOST_LISTED:
         print_text(f"... and {len(rows) - MOST_LISTED} more: --json lists all")
 

@@ -339,7 +339,7 @@ def test_a_turn_is_relaxed_in_radians_and_told_in_degrees():
     assert least["upper limit of RZ"].by == pytest.approx(t - 0.2, abs=1e-8)
     assert least["lower limit of RZ"].by == pytest.approx(t - 0.1, abs=1e-8)
     assert least["upper limit of RZ"].unit == "radian"
-    assert f"to {math.degrees(t):.6f}" in str(least["upper limit of RZ"])
+    assert f"to {math.degrees(t):.6g}" in str(least["upper limit of RZ"])
 
 
 # ------------------------------------------------------------------------------------------------------ problem files
