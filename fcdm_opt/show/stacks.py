@@ -181,13 +181,15 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         sizes = _by_direction(stack, row.told) if counts[row.told] > MANY else _sizes(moved)
         alike[row.told, signed(row.gap, least=noise), sizes or "no size moves it"] += 1
     kinds = {contact: "directions" if count > MANY else "alike" for contact, count in counts.items()}
+    contacts = stack.contacts
     print_rows([
         {
+            "no.": str(contacts.index(contact) + 1) * (len(contacts) > 1),
             "contact": shortened(contact, LONGEST) + (f" ({count} {kinds[contact]})" if count > 1 else ""),
             "as drawn": gap, "gap per unit of each size": wrapped(sizes, LONGEST),
         }
         for (contact, gap, sizes), count in alike.items()
-    ], numbers=("as drawn",))  # fmt: skip
+    ], numbers=("as drawn",), optional=("no.",))  # fmt: skip
 
 
 def _by_direction(stack: StackUp, contact: str) -> str:

@@ -40,6 +40,7 @@ Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 ONLY_CLEAR = "clearance=(0, math.inf)"  # how one without interference is asked for
 MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks for one without interference"
+LEAST = "middle"  # in place of a window
 EFFORT = 20_000  # cells: a second or two for two parameters
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
@@ -222,8 +223,9 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
             BEST: ("off zero by at most", "no pose by"),
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
-        ends = () if self.problem is None else [end for own in self.problem.coordinates for end in own.limits]
-        unproved = "no bound proved" + ": that takes limits" * (self.status == UNDECIDED and not np.isfinite(ends).all())
+        ends = [end for own in self.problem.coordinates for end in own.limits] if self.problem is not None else []
+        open_ended = self.status == UNDECIDED and not np.isfinite(ends).all()
+        unproved = "no bound proved" + ": that takes limits" * open_ended
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else unproved
         slack = self.problem.contact_slack if self.problem is not None else 0.0
         least, most = (gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap))
@@ -283,8 +285,9 @@ def best_pose(
         All sizes of a box, in place of `sizes`; default the problem's tolerance, or without one its own sizes within
         their tolerances: proved then where the motion is made of translations, whose gap is that of `stack_up`. Of an
         assembly (low, high), the scales of all its parts, which have no tolerance.
-    clearance : (low, high), optional
-        The window of the gap, length units; of goal "clear" its clearance and more, (clearance, inf).
+    clearance : (low, high) or "middle", optional
+        The window of the gap, length units; without one of goal "clear" its clearance and more, (clearance, inf).
+        "middle": none, the largest |gap| is made least.
     certify : bool
         Whether to prove how good the pose is, and to look everywhere; else the best pose near rest is returned.
     accuracy : float
@@ -305,6 +308,7 @@ def best_pose(
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
     if clearance is None and getattr(problem, "goal", "") == "clear":
         clearance = getattr(problem, "clearance", 0.0), np.inf
+    clearance = None if isinstance(clearance, str) and clearance == LEAST else clearance
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
