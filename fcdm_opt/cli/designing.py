@@ -129,7 +129,7 @@ OF = "Of an assembly: the two parts whose gap it is."
 CONTACT = "Of one contact alone, by its number in the table of contacts."
 SLICE = "With --out: the two sizes of the slice."
 WINDOW = (
-    "Smallest motion after which every pair's gap is in this window; default of goal \"clear\" its clearance and more, "
+    'Smallest motion after which every pair\'s gap is in this window; default of goal "clear" its clearance and more, '
     'else "middle": the largest gap or interference is made least.'
 )
 

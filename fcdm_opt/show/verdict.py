@@ -174,7 +174,9 @@ def together_texts(found: AssemblyRange) -> list[str]:
     each = [*found.contacts.values()]
     told = [f"all {len(each)} contacts last at once until"]
     for side, event in (("backwards", found.first), ("forwards", found.last)):
-        steps = texts.steps_text(each[0].problem, (event.x * each[0].direction).tolist()) if math.isfinite(event.x) else ""
+        steps = (
+            texts.steps_text(each[0].problem, (event.x * each[0].direction).tolist()) if math.isfinite(event.x) else ""
+        )
         first = f"{steps}; there, that of {event.what.partition(': ')[0]} is the first to end"
         told.append(f"{side}: {first if steps else 'nothing ends it'}")
     return told
