@@ -170,7 +170,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
 
 
 def together_texts(found: AssemblyRange) -> list[str]:
-    """Return from where to where all contacts of an assembly last at once, and which of them ends that on both sides."""
+    """Return how far all contacts of an assembly last at once, and which of them is the first to end both ways."""
     each = [*found.contacts.values()]
     told = [f"all {len(each)} contacts last at once until"]
     for side, event in (("backwards", found.first), ("forwards", found.last)):

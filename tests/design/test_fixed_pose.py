@@ -700,7 +700,7 @@ def test_the_gap_of_a_ball_on_the_rim_of_a_hole_was_that_of_facets() -> None:
 
 
 def test_the_window_of_goal_clear_is_its_clearance_and_needs_no_limits() -> None:
-    """A peg 19.5 wide in 20, .25 off: at 1.01 and .99 the walls are .0525 away from its middle, .05 is the clearance."""
+    """A peg 19.5 wide in 20, .25 off: at 1.01 and .99 the walls are .0525 away from its middle; .05 is asked."""
     asked, box = problem("peg_square", 4), ((0.99, 1.01), (0.99, 1.01))
     pose = fo.best_pose(asked, box=box)
     assert (pose.window, pose.status) == ((0.05, math.inf), "inside the window")

@@ -1058,7 +1058,8 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
     kept = fo.solve(fo.Assembly(parts, apart, **rest, limits={part: {"TX": (-0.1, 0.1)} for part in rest["motions"]}))
     assert kept.reason == (
         "right face of one, left face of two are 0.7 mm apart, a clearance of 0.8 mm is required; with limits set "
-        "aside (one.TX -0.15 mm, two.TX 0.15 mm) one.TX passes its limit -0.1 mm by 0.05 mm; two.TX passes its limit 0.1 mm by 0.05 mm"
+        "aside (one.TX -0.15 mm, two.TX 0.15 mm) one.TX passes its limit -0.1 mm by 0.05 mm; two.TX passes its limit "
+        "0.1 mm by 0.05 mm"
     )
     posts = {"left": block((-3, -1, 0), (-1, 1, 2)), "right": block((1, -1, 0), (3, 1, 2))}
     parts = {**{name: fo.Body.convex(own) for name, own in posts.items()}, "one": parts["one"], "floor": parts["floor"]}

@@ -223,8 +223,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
             BEST: ("off zero by at most", "no pose by"),
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
-        ends = [end for own in self.problem.coordinates for end in own.limits] if self.problem is not None else []
-        open_ended = self.status == UNDECIDED and not np.isfinite(ends).all()
+        limits = [own.limits for own in self.problem.coordinates] if self.problem is not None else []
+        open_ended = self.status == UNDECIDED and not np.isfinite(limits).all()
         unproved = "no bound proved" + ": that takes limits" * open_ended
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else unproved
         slack = self.problem.contact_slack if self.problem is not None else 0.0

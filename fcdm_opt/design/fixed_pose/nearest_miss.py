@@ -81,7 +81,7 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
 
 
 def _lacking(worst: Worst, q: Array) -> tuple[float, Array, list[tuple[float, str]]]:
-    """Return by how much a pose is off in all, of each body what is most, the pose, and every gap there, worst first."""
+    """Return what lacks at a pose, the sum of what each body lacks most, the pose, and every gap, worst first."""
     bodies = [list(_gaps(own, q)) for own in (worst, *worst.keep_out)]
     lack = sum(max([miss for miss, _ in gaps] + [0.0]) for gaps in bodies)
     return lack, q, sorted(chain.from_iterable(bodies), key=lambda own: -own[0])
