@@ -171,8 +171,7 @@ def range_command(
             others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
             met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
             spans[-1] = replace(spans[-1], keep_outs=met)
-        together = [(found, "")] * (len(each) > 1)
-        return [*together, *zip(each, spans, strict=True), *touching]
+        return [*[(found, "")] * (len(each) > 1), *zip(each, spans, strict=True), *touching]
 
     def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:

@@ -334,9 +334,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made {made}, motion {steps}{unit})"
 
     @property
-    def _outline(self) -> str:
+    def _key_data(self) -> str:
         worked_out = (*(body.part_indices for body in self.active), self.restoring is None)
-        return f"{super()._outline} {self.goal} {self.pair} {self.clearance} {worked_out}"
+        return f"{super()._key_data} {self.goal} {self.pair} {self.clearance} {worked_out}"
 
     def play(self, q: Array) -> float:
         """Return how far a vertex of body 1 as made may move when every parameter changes by its step; 0 without.

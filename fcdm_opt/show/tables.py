@@ -23,7 +23,7 @@ from fcdm_opt.show.verdict import (
     labels_in_words,
     no_contact_text,
     range_texts,
-    together_texts,
+    shared_range_texts,
     verdict_text,
 )
 
@@ -193,7 +193,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
     known = dict[tuple[str, ...], str]()  # range in words -> the case that it is told of
     for coherent, times in rows:
         if isinstance(coherent, AssemblyRange):
-            head, *ends = together_texts(coherent)
+            head, *ends = shared_range_texts(coherent)
             print_text(f"{coherent.assembly.name}: {head}", indent="   ")
             for text in ends:
                 print_text(f"- {text}", indent="  ")

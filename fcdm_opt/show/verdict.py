@@ -169,17 +169,17 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     return told
 
 
-def together_texts(found: AssemblyRange) -> list[str]:
+def shared_range_texts(found: AssemblyRange) -> list[str]:
     """Return how far all contacts of an assembly last at once, and which of them is the first to end both ways."""
     each = [*found.contacts.values()]
-    told = [f"all {len(each)} contacts last at once until"]
+    lines = [f"all {len(each)} contacts last at once until"]
     for side, event in (("backwards", found.first), ("forwards", found.last)):
         steps = (
             texts.steps_text(each[0].problem, (event.x * each[0].direction).tolist()) if math.isfinite(event.x) else ""
         )
         first = f"{steps}; there, that of {event.what.partition(': ')[0]} is the first to end"
-        told.append(f"{side}: {first if steps else 'nothing ends it'}")
-    return told
+        lines.append(f"{side}: {first if steps else 'nothing ends it'}")
+    return lines
 
 
 def no_contact_text(problem: Problem) -> str:

@@ -211,9 +211,9 @@ class StackUp:
         if name not in known:
             allowed = "; ".join(f"{k} ({own})" for k, own in enumerate(known, 1))
             raise InputError("no such contact", key="contact", found=contact, allowed=allowed)
-        told, pairs = iter([row.told for row in self.rows]), list[PairRows]()
+        rows, pairs = iter(self.rows), list[PairRows]()
         for pair in self.touching.pairs:
-            own = np.flatnonzero([next(told) == name for _ in pair.values])
+            own = np.flatnonzero([next(rows).told == name for _ in pair.values])
             pairs += [pair.some(own)] if len(own) else []
         return replace(self, touching=replace(self.touching, pairs=tuple(pairs), as_drawn=True), every=self)
 
