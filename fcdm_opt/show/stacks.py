@@ -153,7 +153,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
     rows += [
         (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
-        (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
+        (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([

@@ -23,8 +23,8 @@ from fcdm_opt.design.stack.spread import spreads
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.entries import SizeEntry
 from fcdm_opt.problem.schema import checked
-from fcdm_opt.show.printing import console
-from fcdm_opt.show.stacks import print_stack
+from fcdm_opt.show.printing import console, printed
+from fcdm_opt.show.stacks import print_faces, print_stack
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -793,3 +793,21 @@ def test_one_of_several_contacts_alone() -> None:
     assert fo.verify(left.yield_(1000)).passed
     with pytest.raises(InputError, match="no such contact"):
         stack.of_contact(3)
+
+
+def test_areas_of_round_faces_are_said_to_be_those_of_facets() -> None:
+    note = "area of a round face: that of its facets"
+    for body, round_ones in ((fo.Cylinder(5, 10, name="pin"), True), (fo.Box((1, 2, 3), name="box"), False)):
+        assert (note in printed(lambda own: print_faces(own, "movable"), body)) == round_ones
+
+
+def test_a_stack_up_names_one_wall_of_two_and_that_another_is_as_near() -> None:
+    key = fo.Box((9.98, 8, 4), name="key")
+    walls = [fo.Box((4, 20, 10), centre=(x, 0, 0)) for x in (-7, 7)]
+    base = fo.Body.from_parts([own.vertices for own in walls], name="base")
+    size = fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.01)
+    asked = fo.Problem(key, base, motion=fo.Translation("x"), target=(1, 1), goal="clear", sizes=[size])
+    assert fo.stack_up(asked).deciding_contact.endswith("(and 1 as near)")
+    aside = np.eye(4)
+    aside[0, 3] = 0.004
+    assert "as near" not in fo.stack_up(asked, pose=aside).deciding_contact

@@ -1126,3 +1126,11 @@ def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_no
     rows = {row.name: row for row in fo.compare(found.assembly).table}
     assert rows["as given"].amount == pytest.approx(found.amount)
     assert rows["as given"].to_dict()["motion"] == "; ".join(f"{part} {told}" for part, told in found.motions.items())
+
+
+def test_assemblies_that_ask_the_same_are_equal() -> None:
+    for asked in fo.load_assemblies(FILE):
+        again = fo.Assembly.from_dict(asked.to_dict())
+        assert again == asked
+        assert hash(again) == hash(asked)
+        assert asked != asked.changed(name="another")

@@ -324,9 +324,11 @@ class StackUp:
 
     @property
     def deciding_contact(self) -> str:
-        """The contact of that row in words."""
-        values = self.deciding.tolist()
-        return next(row.told for row in self.rows if [row.gap, *row.coefficients.values()] == values)
+        """The contact of that row in words, and how many others have the same one, as opposite walls may."""
+        rows = [np.array([row.gap, *row.coefficients.values()]) for row in self.rows]
+        alike = (np.allclose(own, self.deciding, rtol=0.0, atol=DEFAULT.tie) for own in rows)
+        first, *others = dict.fromkeys(row.told for row, near in zip(self.rows, alike, strict=True) if near)
+        return f"{first} (and {len(others)} as near)" if others else first
 
     @cached_property
     def _worst_rows(self) -> tuple[Array, Array]:
