@@ -241,7 +241,7 @@ def pose(asked: Asked) -> None:
         # proved where the pose below it, at which its top does not matter, is no answer
         question = question.with_limits("TZ", (-1.0, 1.0))
     scales = {"box": (1.0 - OFF, 1.0 + OFF)} if isinstance(question, fo.Assembly) and not question.sizes else {}
-    found = fo.best_pose(question, effort=50 if turning else 1000, **scales)
+    found = fo.best_pose(question, clearance="middle", effort=50 if turning else 1000, **scales)
     assert found.worst_gap == pytest.approx(asked.scene.worst, **NEAR)
     assert found.certified != (turning or asked.name.startswith("round"))
     assert fo.verify(found, proof=True).passed

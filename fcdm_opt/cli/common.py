@@ -254,13 +254,14 @@ BODIES = ("movable", "static", "motion", "parts", "contacts", "motions", "follow
 
 
 def _of_bodies(kind: Callable[..., Any], file: Path, **asked: Any) -> Any:
-    """Return the first case of a file, or one of its bodies alone where that is refused; says on stderr why that is."""
+    """Return a question about the bodies of a file and their sizes, where these are not refused; says why they are."""
+    kept = {key: asked[key] for key in BODIES if key in asked}
+    kept |= {"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}
     try:
-        return kind(**asked)
+        return kind(**kept, sizes=asked.get("sizes", ()))
     except InputError as reason:
-        kept = {key: asked[key] for key in BODIES if key in asked}
-        found = kind(**kept, **({"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}))
-        say(f"this is of all bodies as drawn, the case is refused: {reason.within(file=file, key='case[1]')}")
+        found = kind(**kept)
+        say(f"this is of all bodies as drawn, the sizes are refused: {reason.within(file=file)}")
         return found
 
 

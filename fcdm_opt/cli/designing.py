@@ -83,6 +83,14 @@ def _ranges(allowed: str, count: int | None = None) -> common.Check:
 
 
 WITHIN = _ranges("LOW,HIGH as 0.1,0.3, LOW <= HIGH", 2)
+POSE = _ranges('LOW,HIGH as 0.1,inf, LOW <= HIGH, or "middle"', 2)
+
+
+def _window(key: str, text: str) -> Any:
+    """Read the window of a pose's gaps, or that there is to be none."""
+    return text if text == "middle" else POSE(key, text)
+
+
 IN_BOX = _ranges("two for each size, LOW1,HIGH1,LOW2,HIGH2 as 0.98,1.02,0.99,1.01, LOW <= HIGH")
 MAPS = "Write the map, its grid for the shop floor and pictures into this folder."
 RESULTS = "Write results and pictures into this folder."
@@ -118,8 +126,12 @@ LIMITS = "Least and largest gap that will do; default: the case's clearance and 
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 ENGINE = "joblib: processes of this machine; dask: workers of a cluster, --scheduler, or of one made here."
 OF = "Of an assembly: the two parts whose gap it is."
+CONTACT = "Of one contact alone, by its number in the table of contacts."
 SLICE = "With --out: the two sizes of the slice."
-WINDOW = "Smallest motion after which every pair's gap is in this window."
+WINDOW = (
+    'Smallest motion after which every pair\'s gap is in this window; default of goal "clear" its clearance and more, '
+    'else "middle": the largest gap or interference is made least.'
+)
 
 
 def study_command(
@@ -288,7 +300,7 @@ def map_command(
 
 def pose_command(
     files: common.Files,
-    window: Annotated[common.Text, option("--clearance", "LO,HI", WINDOW, check=WITHIN)] = None,
+    window: Annotated[common.Text, option("--clearance", "LO,HI", WINDOW, check=_window)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
     columns: Columns = "rho_1,rho_2",
@@ -355,6 +367,7 @@ def stack_command(
     cost: Annotated[common.Texts, option("--cost", "SIZE=C", COST, check=_changes("SIZE=C as width=1"))] = None,
     share: Annotated[float | None, option("--share", "S", MUST_FIT, check=SHARE)] = None,
     of: Annotated[common.Text, option("--of", "PART,PART", OF, check=common.two("parts"))] = None,
+    contact: Annotated[int | None, option("--contact", "N", CONTACT, min=1)] = None,
     cut: Annotated[common.Text, option("--slice", "SIZE,SIZE", SLICE, check=common.two("sizes"))] = None,
     seed: common.Seed = 1,
     time: common.Time = None,
@@ -390,6 +403,8 @@ def stack_command(
             raise InputError("there are no sizes", key="size", allowed=allowed)
         with common.named(limits="--gap" * (gap is not None), of="--of"):
             found = stack_up(problem, limits=gap, of=of)
+        with common.named(contact="--contact"):
+            found = found if contact is None else found.of_contact(contact)
         drawn = found.yield_(draws, seed=seed)
         first = before.setdefault(f"{file.path} {plain(found)}", problem.name)
         alike = first != problem.name  # requirements, say, which sizes of faces do not ask about

@@ -13,7 +13,6 @@ from fcdm_opt.cli.guarding import say
 from fcdm_opt.errors import InputError
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.coherent_range import CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.solution import Bounded, Effort
@@ -146,7 +145,7 @@ def range_command(
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
 
-    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[CoherentRange | None, Any]]:
+    def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[Any, Any]]:
         along = _default_direction(file, problem) if direction is None else direction
         asked = {"": problem} if isinstance(problem, Problem) else moved_contacts(problem, along)
         opened = [own for own in asked.values() if not has_contact(own)]
@@ -172,7 +171,7 @@ def range_command(
             others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
             met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
             spans[-1] = replace(spans[-1], keep_outs=met)
-        return [*zip(each, spans, strict=True), *touching]
+        return [*[(found, "")] * (len(each) > 1), *zip(each, spans, strict=True), *touching]
 
     def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
         try:

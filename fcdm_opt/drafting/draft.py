@@ -57,6 +57,7 @@ MOST_SIZES = 3  # that are listed of a part
 LONGEST, SHORT_LIST = 90, 60  # signs of a row of contacts, and of faces
 UNLIKE, UNLIKELY = 8.0, 50.0  # ratios of sizes at which units may be mixed up: of parts that do not touch, of all
 UNITS = {10.0: "cm beside mm", 25.4: "inches beside mm", 1000.0: "m beside mm"}
+SIMILAR_PLAY = 3.0  # times the gap up to which that on the opposite side is one of the same play
 SIMILAR = 1.5  # times as large, at most, that both are told to be made
 DRAWN_TO = 1e-9  # of a part's size: what files of coordinates in single precision, or integrals over them, leave of 0
 MEANT = 1e-3  # share of the size that a gap is below by accident of drawing
@@ -234,7 +235,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"one part is {ratio:.3g} times as large as the other: {question}")
     if situation.gap > FAR * situation.size:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
-    if nearly(situation):
+    if nearly(situation) and not _amid_play(situation):
         found.append(f"the parts nearly touch ({signed(situation.gap, 3)} {unit}). {_remedy(situation, unit)}")
     return [*found, *told_solids((one, two))]
 
@@ -242,6 +243,16 @@ def remarks(situation: Situation, unit: str) -> list[str]:
 def nearly(situation: Situation) -> bool:
     """Tell whether the parts are likely to have been meant to touch."""
     return situation.state != "touching" and abs(situation.gap) <= MEANT * situation.size
+
+
+def _amid_play(situation: Situation) -> bool:
+    """Tell whether parts that are apart are about as near on the opposite side, as those of a running fit."""
+    if situation.fit != "fitted":
+        return False
+    far, motion = SIMILAR_PLAY * situation.gap, Translation(tuple(situation.normal.tolist()))
+    asked = partial(Problem, situation.movable, situation.static, target=DRAWN, goal="touch", motion=motion)
+    limits = ({motion.names[0]: ends} for ends in ((0.0, far), (-far, 0.0)))
+    return all(solve(asked(limits=own), effort="quick", time=math.inf).usable for own in limits)
 
 
 def state_text(situation: Situation, unit: str) -> str:
@@ -255,7 +266,7 @@ def state_text(situation: Situation, unit: str) -> str:
     if situation.state == "touching":
         places = situation.places
         more = [f"{len(places) - MOST_CONTACTS} more"] if len(places) > MOST_CONTACTS else []
-        listed = " and ".join([*places[:MOST_CONTACTS], *more])
+        listed = "; ".join([*places[:MOST_CONTACTS], *more])
         at = f", at {_places(len(places))}" if len(places) > 1 else ""
         return f"{text}{at}: {listed}" if places else text
     if situation.large:

@@ -25,6 +25,8 @@ SELECTORS = (
     'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
     "facets of a cylinder)"
 )
+_CLASS = r"[A-Za-z]{1,2}\d{1,2}"
+FIT_LETTERS = re.compile(rf"\W*[\d.,]*\s*{_CLASS}(\s*[/-]?\s*{_CLASS})?\s*")  # "H7", "20 H7/g6"
 NAMED = re.compile(rf"({'|'.join(SIDES)}|({'|'.join(ROUND_KINDS)}) radius \S+( to \S+)?)( no\. [0-9]+)?")
 ROUND = 0.9  # a facet of a cylinder is at least this share of the radius away from its axis: seven facets and more
 
@@ -267,8 +269,11 @@ class Size(Plain):
         told = self.tolerance
         share = "a share: 0.003 is 0.3 %" if self.scale is not None else "a length in the file's unit"
         allowed = f"{share}; (low, high) with low <= high, or one number t for (-t, t)"
-        if isinstance(told, str) and re.fullmatch(r"\s*\d*\s*[A-Za-z]{1,2}\d{1,2}\s*", told):
-            allowed = "the limits that ISO 286 has for it at the diameter, as [-0.020, -0.007] of g6 at 20 mm"
+        if isinstance(told, str) and FIT_LETTERS.fullmatch(told):
+            allowed = (
+                "the lower and upper deviation that ISO 286 has for it at the diameter, in the file's unit, bore and "
+                "shaft each in a size of its own: at 20 mm [0.0, 0.021] of H7, [-0.020, -0.007] of g6"
+            )
             raise self._refused("letters of a fit are not known here", "tolerance", told, allowed)
         if isinstance(told, str):
             what = "a scale has no unit: divide by the length that it is of" if self.scale else "a number without unit"

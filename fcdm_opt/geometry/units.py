@@ -59,10 +59,11 @@ def measured(length: str | float, unit: str, digits: int = 6) -> str:
     return f"{text} {unit}" if unit else text
 
 
-def gap_text(gap: float, slack: float, unit: str) -> str:
-    """Return in words whether two things touch, are apart or overlap, and by how much."""
+def gap_text(gap: float, slack: float, unit: str, need: float = 0.0) -> str:
+    """Return in words whether two things touch, are apart or overlap, by how much, and which clearance they need."""
     length = measured(abs(gap), unit, 4)
-    return "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"
+    text = "touch" if abs(gap) <= slack else f"are {length} apart" if gap > 0.0 else f"overlap by {length}"
+    return f"{text}, a clearance of {measured(need, unit, 4)} is required" if need > 0.0 else text
 
 
 def floored(bound: float, digits: int) -> str:

@@ -409,8 +409,8 @@ class SizeEntry(Entry, title="Sizes", json_schema_extra=one_of(("faces",), ("sca
     )
     each: Number | list[Number] | None = declared(
         None,
-        "outward offset of the faces of each selector a unit of the size: 0.5 for a width between two faces; without "
-        "it 1, for one selector",
+        "outward offset, from the material, of the faces of each selector a unit of the size: 0.5 for a width between "
+        "two faces, -0.5 for a slot between two, -1 for one of its walls; without it 1, for one selector",
         0.5,
         [1.0, -1.0],
     )

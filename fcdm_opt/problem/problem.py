@@ -333,6 +333,11 @@ class Problem(NominalContact, Scene, NotebookRepr):
         unit = f", {self.unit}" if self.unit else ""
         return f"Problem({self.name!r}: {bodies}, goal {self.goal!r}, {asked}, made {made}, motion {steps}{unit})"
 
+    @property
+    def _key_data(self) -> str:
+        worked_out = (*(body.part_indices for body in self.active), self.restoring is None)
+        return f"{super()._key_data} {self.goal} {self.pair} {self.clearance} {worked_out}"
+
     def play(self, q: Array) -> float:
         """Return how far a vertex of body 1 as made may move when every parameter changes by its step; 0 without.
 
@@ -455,7 +460,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def to_dict(self) -> dict[str, Any]:
         """Return the question as plain data: the keys of a problem file with one case, angles in radians.
 
-        A problem equals itself alone; of two these data tell whether they ask the same.
+        Two problems are equal where these data are.
         """
         asked, kinds = self.request, dict(self.motion.parameters)
         keys = [key for key in Case.model_fields if key != "keep_out" and asked[key] not in (None, {})]

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone
@@ -37,6 +38,23 @@ class Scene(ABC):
     keep_out: tuple[KeepOut, ...]
     resolution: Any
     request: Mapping[str, Any]
+
+    def __eq__(self, other: object) -> bool:
+        """Tell whether another question asks the same, of the same bodies and the same parts of these."""
+        if self is other or not isinstance(other, type(self)) or self._key_data != other._key_data:
+            return self is other
+        try:
+            return self.to_dict() == other.to_dict()
+        except (FcdmError, TypeError):  # of a motion of its own there are no plain data
+            return False
+
+    def __hash__(self) -> int:
+        return hash(self._key_data)
+
+    @property
+    def _key_data(self) -> str:
+        """What is quickly compared of a question, and what it has worked out that its plain data do not say."""
+        return repr((self.name, self.coordinates, *self.scales_made.items(), *sorted((self.made or {}).items())))
 
     @property
     @abstractmethod

@@ -114,7 +114,8 @@ def print_faces(body: Body, role: str) -> None:
         covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
-    print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",))
+    notes = ["area of a round face: that of its facets"] * any(", " in row["plane"] for row in rows if row["area"])
+    print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",), notes=notes)
     if len(rows) > MOST_LISTED:
         print_text(f"... and {len(rows) - MOST_LISTED} more: --json lists all")
 
@@ -152,7 +153,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
     rows += [
         (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
-        (f"{one}, mean + 3 sigma", spread.high, shortened(stack.deciding_contact, LONGEST)),
+        (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([
@@ -180,13 +181,15 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         sizes = _by_direction(stack, row.told) if counts[row.told] > MANY else _sizes(moved)
         alike[row.told, signed(row.gap, least=noise), sizes or "no size moves it"] += 1
     kinds = {contact: "directions" if count > MANY else "alike" for contact, count in counts.items()}
+    contacts = stack.contacts
     print_rows([
         {
+            "no.": str(contacts.index(contact) + 1) * (len(contacts) > 1),
             "contact": shortened(contact, LONGEST) + (f" ({count} {kinds[contact]})" if count > 1 else ""),
             "as drawn": gap, "gap per unit of each size": wrapped(sizes, LONGEST),
         }
         for (contact, gap, sizes), count in alike.items()
-    ], numbers=("as drawn",))  # fmt: skip
+    ], numbers=("as drawn",), optional=("no.",))  # fmt: skip
 
 
 def _by_direction(stack: StackUp, contact: str) -> str:

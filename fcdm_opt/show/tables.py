@@ -23,11 +23,12 @@ from fcdm_opt.show.verdict import (
     labels_in_words,
     no_contact_text,
     range_texts,
+    shared_range_texts,
     verdict_text,
 )
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.coherent_range import CoherentRange
+    from fcdm_opt.along.coherent_range import AssemblyRange, CoherentRange
     from fcdm_opt.along.contact_times import ContactTimes, StateSpan
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
@@ -181,13 +182,22 @@ def verdict_cell(solution: Bounded) -> str:
     return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
 
 
-def print_ranges(rows: Sequence[tuple[CoherentRange | None, ContactTimes | str]]) -> None:
+def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, ContactTimes | str]]) -> None:
     """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches.
 
-    The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is.
+    The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is. What an
+    assembly's contacts have in common stands before them.
     """
+    from fcdm_opt.along.coherent_range import AssemblyRange  # as isinstance takes it
+
     known = dict[tuple[str, ...], str]()  # range in words -> the case that it is told of
     for coherent, times in rows:
+        if isinstance(coherent, AssemblyRange):
+            head, *ends = shared_range_texts(coherent)
+            print_text(f"{coherent.assembly.name}: {head}", indent="   ")
+            for text in ends:
+                print_text(f"- {text}", indent="  ")
+            continue
         at_contact = list[str]()
         if coherent is not None:
             problem, direction = coherent.problem, coherent.direction
@@ -265,7 +275,7 @@ def print_whatif(answer: WhatIf) -> None:
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
-    notes += beyond_tolerances(answer.after.question)
+    notes += [*filter(None, [answer.unchanged_text]), *beyond_tolerances(answer.after.question)]
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
     for name, own in (("before", answer.before), ("after", answer.after)):
         why = verdict_text(own) if isinstance(own.question, Problem) else own.explained

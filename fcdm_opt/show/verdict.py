@@ -21,7 +21,7 @@ from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.coherent_range import CoherentRange
+    from fcdm_opt.along.coherent_range import AssemblyRange, CoherentRange
     from fcdm_opt.curve.features import Feature
     from fcdm_opt.geometry.arrays import Array
     from fcdm_opt.geometry.bodies import Body
@@ -167,6 +167,19 @@ def range_texts(coherent: CoherentRange) -> list[str]:
             what = f"{steps}; there, {event.what}"
         told.append(f"{side}: {what}")
     return told
+
+
+def shared_range_texts(found: AssemblyRange) -> list[str]:
+    """Return how far all contacts of an assembly last at once, and which of them is the first to end both ways."""
+    each = [*found.contacts.values()]
+    lines = [f"all {len(each)} contacts last at once until"]
+    for side, event in (("backwards", found.first), ("forwards", found.last)):
+        steps = (
+            texts.steps_text(each[0].problem, (event.x * each[0].direction).tolist()) if math.isfinite(event.x) else ""
+        )
+        first = f"{steps}; there, that of {event.what.partition(': ')[0]} is the first to end"
+        lines.append(f"{side}: {first if steps else 'nothing ends it'}")
+    return lines
 
 
 def no_contact_text(problem: Problem) -> str:

@@ -499,9 +499,8 @@ class System:
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
                 name = contact.feature.in_words(task.movable, task.static)
-            asked = f", {measured(other.need, unit, 4)} asked" if other.need > 0.0 else ""
-            slack = LEAST_SHORT * task.size if asked else 0.0
-            found.setdefault(other.keep_out, f"{name} {gap_text(gap, slack, unit)}{asked}")
+            slack = LEAST_SHORT * task.size if other.need > 0.0 else 0.0
+            found.setdefault(other.keep_out, f"{name} {gap_text(gap, slack, unit, other.need)}")
         return [*found.values()]
 
     def past_limits(self, q: Array) -> list[str]:

@@ -10,7 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
@@ -388,3 +390,42 @@ def test_assemblies_tell_where_parts_made_touch_and_what_whole_steps_leave_open(
     told = " ".join(run("solve", tmp_path / "two.toml")[1].split())
     assert "every contact is closed" not in told
     assert "open by no more than" in told
+
+
+def test_the_correction_of_a_sensed_pose_is_that_of_the_docs(tmp_path: Path) -> None:
+    """A peg turned by t takes 9.8475 (cos t + sin t) of 10 to each side of its middle, .05 are to stay free."""
+    turn, middle = math.radians(0.4), (0.25, -0.125)
+    cosine, sine = math.cos(turn), math.sin(turn)
+    sensed = np.array([[cosine, -sine, 0, -0.1], [sine, cosine, 0, 0.4], [0, 0, 1, 0], [0, 0, 0, 1]])
+    (path := tmp_path / "sensed.stl").touch()
+    trimesh.load_mesh(PROBLEMS / "meshes" / "square_peg.stl").apply_transform(sensed).export(path)
+    changes = "--set", f"bodies.movable.file={path}", "--set", "bodies.movable.seed=[0.150867, 0.276748, 5]"
+    asked = "whatif", PROBLEMS / "peg_square.toml", "--case", "running clearance", *changes
+    code, told, _ = run(*asked, "--json")
+    (case,) = json.loads(told)["files"][0]["cases"]
+    free = 10.0 - 0.05 - 9.8475 * (cosine + sine)
+    x = free - (cosine * middle[0] - sine * middle[1] - 0.1)
+    y = free - (sine * middle[0] + cosine * middle[1] + 0.4)
+    assert code == 0
+    assert [*case["whatif"]["after"]["parameters"].values()] == pytest.approx([x, y], abs=1e-5)
+    shown = (PROBLEMS.parent / "docs" / "python.md").read_text(encoding="utf-8")
+    lines = [line.rstrip() for line in run(*asked)[1].splitlines() if line.startswith(("before", "after"))]
+    assert len(lines) == 2
+    assert all(line in shown for line in lines)
+
+
+def test_a_stack_up_of_one_contact_is_asked_by_its_number(tmp_path: Path) -> None:
+    code, told, _ = run("stack", PROBLEMS / "slot_and_key.toml", "--case", "as drawn", "--draws", "1000")
+    assert (code, "no.  contact" in told) == (0, True)
+    code, one, _ = run("stack", PROBLEMS / "slot_and_key.toml", "--case", "as drawn", "--draws", "1000", "--contact", 1)
+    assert (code, "no.  contact" in one) == (0, False)
+    code, _, said = run("stack", PROBLEMS / "slot_and_key.toml", "--case", "as drawn", "--contact", 99)
+    assert (code, "--contact: no such contact" in said) == (2, True)
+
+
+def test_the_range_of_an_assembly_told_first_what_another_contact_does_not_allow() -> None:
+    """Of four contacts each has its own range: together they last as far as the first to end."""
+    code, told, _ = run("range", PROBLEMS / "assemblies" / "loop_of_four.toml", "--case", "made unlike")
+    first = told.partition("made unlike: ")[2].partition("made unlike: ")[0]
+    assert (code, first.startswith("all 4 contacts last at once until")) == (0, True)
+    assert "key - right wedge is the first to end" in " ".join(first.split())

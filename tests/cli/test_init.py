@@ -10,6 +10,7 @@ import shlex
 import tomllib
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -645,3 +646,20 @@ def test_solids_of_one_file_are_told_once(tmp_path: Path) -> None:
     scene.export(tmp_path / "pair.glb")
     _, path = drafted(tmp_path / "pair.glb", box(tmp_path / "plate.off", (10.0, 10.0, 1.0), (0.0, 0.0, -1.0)), tmp_path)
     assert run("solve", path).stdout.count("2 solids in the file") == 1
+
+
+@pytest.mark.parametrize(("off", "warned"), [(0.0, False), (0.0099, True)])
+def test_a_running_fit_was_said_to_nearly_touch(tmp_path: Path, off: float, warned: bool) -> None:
+    """A key .01 from either wall is meant so; .0001 from one and .0199 from the other it is not."""
+    key = box(tmp_path / "key.off", (9.98, 8, 4), (off, 0, 0))
+    outer, inner = trimesh.creation.box((20, 20, 10)), trimesh.creation.box((10, 30, 30))
+    trimesh.boolean.difference([outer, inner]).export(slot := tmp_path / "slot.off")
+    text, _ = drafted(key, slot, tmp_path)
+    assert ("nearly touch" in text) == warned
+
+
+def test_contacts_in_a_row_are_told_apart() -> None:
+    """Each is "A at B", so that "and" between them and within them made one long name."""
+    places = ["top of one at bottom of two", "left of one at right of two", "front of one at back of two"]
+    seen: Any = SimpleNamespace(state="touching", places=places, gap=0.0, large=False)
+    assert state_text(seen, "mm") == f"the parts touch, at 3 places: {'; '.join(places)}"

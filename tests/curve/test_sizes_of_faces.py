@@ -809,3 +809,11 @@ def test_the_worst_sizes_left_those_of_other_contacts_as_drawn() -> None:
         own = [replace(size, body=named[size.body]) for size in sizes]
         assembly = fo.Assembly(parts, [("block", "walls")], motions={"block": both}, sizes=own, made="worst")
         assert assembly.made == asked.made
+
+
+@pytest.mark.parametrize("letters", ["H7", "g6", "20 H7", "20h6", "H7/g6", "20 H7/p6", "\u230020 JS7", "20,5 js6"])
+def test_letters_of_a_fit_say_what_to_write(letters: str) -> None:
+    with pytest.raises(
+        fo.FcdmError, match=r"letters of a fit .* at 20 mm \[0.0, 0.021\] of H7, \[-0.020, -0.007\] of g6"
+    ):
+        fo.Size("bore", "static", faces="bore radius 10", each=-0.5, tolerance=letters)

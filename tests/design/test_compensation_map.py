@@ -1,7 +1,9 @@
 """Compensation maps against closed forms and against solving single pairs of sizes."""
 
 import json
+import math
 import os
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -414,3 +416,17 @@ def test_a_centred_pin_went_either_way_from_size_to_size(axes):
     places = np.linspace(0.0, 0.018, 10)
     assert found.at(places).amount == pytest.approx(0.02 + places / 2, abs=1e-9)
     assert found.reached < 1e-6
+
+
+def test_the_error_of_a_map_cut_short_was_not_known_without_a_word_of_where() -> None:
+    """A cube set down on a table: the amount is linear in both scales, so that few triangles do."""
+    cube, table = fo.Box((2, 2, 2), centre=(0, 0, 1.5), name="cube"), fo.Box((6, 6, 2), centre=(0, 0, -1), name="table")
+    asked = fo.Problem(cube, table, tolerance=0.02, requirement="A", goal="touch", motion=fo.Translation("z"))
+    found = fo.compensation_map(asked)
+    errors = found.table.errors.copy()
+    count = len(errors)
+    errors[: count // 2] = np.nan
+    areas = [abs(np.linalg.det(np.diff(own, axis=0))) for own in np.asarray(found.table.corners)]
+    share = sum(areas[: count // 2]) / sum(areas)
+    short = replace(found, reached=math.inf, table=replace(found.table, errors=errors), stopped="no time")
+    assert f"not known of {share:.0%} of the box" in short.error_text

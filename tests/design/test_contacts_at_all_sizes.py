@@ -106,7 +106,7 @@ def test_a_fit_of_one_wall_asks_for_limits() -> None:
 def test_steps_of_the_machine_and_other_amounts(more, window, lift, value, bound) -> None:
     """Gaps from z - .03 to z, in steps of .004."""
     asked = SCENES["resolution"].ask(OFF).changed(tolerance=[[0.0, 0.02], [0.0, 0.02]], **more)
-    found = fo.best_pose(asked, clearance=window)
+    found = fo.best_pose(asked, clearance=window or "middle")
     assert found.parameters["TZ"] == pytest.approx(lift, **NEAR)
     assert found.value == pytest.approx(value, **NEAR)
     assert found.lower_bound == pytest.approx(bound, rel=1e-3, abs=1e-9)

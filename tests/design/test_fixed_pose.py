@@ -483,7 +483,6 @@ def test_questions_without_an_answer_are_refused():
         (lambda: best_pose(asked, clearance=(0.2, 0.1)), "clearance"),
         (lambda: best_pose(asked, clearance=(-np.inf, np.inf)), "clearance"),
         (lambda: best_pose(asked, accuracy=0.0), "accuracy"),
-        (lambda: best_pose(asked, clearance=(0.06, np.inf)), "limits.TX"),
     ):
         with pytest.raises(InputError) as caught:
             bad()
@@ -500,7 +499,7 @@ def test_a_key_on_both_sides_of_its_slot_was_said_to_have_no_pose():
     inside = fo.best_pose(held, clearance=(0.03, 0.2))
     assert (inside.status, inside.amount) == ("inside the window", 0.0)
     assert (inside.least.gap, len(inside.standing)) == (pytest.approx(0.07), 2)
-    best = fo.best_pose(held)  # at either wall, its play of .1 used up
+    best = fo.best_pose(held, clearance="middle")  # at either wall, its play of .1 used up
     assert best.worst_gap == pytest.approx(0.03)
     assert abs(best.parameters["TX"]) == pytest.approx(0.1)
     stack = fo.stack_up(held)
@@ -529,9 +528,8 @@ def test_a_crate_whose_bottom_alone_varies_was_put_under_its_floor(asked: dict[s
     crate, floor = fo.Box((2, 2, 2), centre=(0, 0, 1), name="crate"), fo.Box((10, 10, 1), centre=(0, 0, -0.5))
     height = fo.Size("height", "movable", faces="-z", tolerance=(-0.02, 0.05))
     sizes = [height, fo.Size("floor", "static", faces="+z", tolerance=0.03)]
-    best = fo.best_pose(
-        fo.Problem(crate, floor, **{"sizes": sizes, "goal": "touch", "motion": fo.Translation("z"), **asked})
-    )
+    question = fo.Problem(crate, floor, **{"sizes": sizes, "goal": "touch", "motion": fo.Translation("z"), **asked})
+    best = fo.best_pose(question, clearance="middle")
     assert best.passed
     assert not best.leaves_fit
     assert best.parameters["TZ"] == pytest.approx((0.08 - 0.05) / 2, abs=1e-9)
@@ -592,7 +590,7 @@ def test_the_best_pose_of_a_spigot_was_looked_for_in_two_dozen_rounds(monkeypatc
     """Moved by s along y gaps are from .49 - |(.03, s)| to .51 - s: as far off zero where s = .49955."""
     rounds = list[Any]()
     monkeypatch.setattr(module, "_best", lambda *own, of=module._best, **how: (rounds.append(own), of(*own, **how))[1])
-    found = best_pose(_spigot())
+    found = best_pose(_spigot(), clearance="middle")
     assert found.passed
     assert found.on_true_faces
     assert found.worst_gap == pytest.approx(0.01045, abs=1e-8)
@@ -629,7 +627,7 @@ def _countersunk(**more: Any) -> fo.Problem:
 
 def test_the_best_pose_of_cones_that_overlap_was_that_of_small_pieces_which_slide_off_each_other() -> None:
     """Lifted by s gaps are (s - 6 rho_1 + 5.6 rho_2) / sqrt(2): as far off zero at s = .4."""
-    pose = fo.best_pose(_countersunk())
+    pose = fo.best_pose(_countersunk(), clearance="middle")
     assert pose.passed
     assert pose.on_true_faces
     assert pose.parameters["TZ"] == pytest.approx(0.4, abs=1e-8)
@@ -699,3 +697,15 @@ def test_the_gap_of_a_ball_on_the_rim_of_a_hole_was_that_of_facets() -> None:
     )
     assert (pose.least.gap, pose.most.gap) == pytest.approx((least, most), abs=1e-9)
     assert 0.272 - 1e-6 <= pose.worst_gap <= 0.272 * 1.01
+
+
+def test_the_window_of_goal_clear_is_its_clearance_and_needs_no_limits() -> None:
+    """A peg 19.5 wide in 20, .25 off: at 1.01 and .99 the walls are .0525 away from its middle; .05 is asked."""
+    asked, box = problem("peg_square", 4), ((0.99, 1.01), (0.99, 1.01))
+    pose = fo.best_pose(asked, box=box)
+    assert (pose.window, pose.status) == ((0.05, math.inf), "inside the window")
+    assert pose.amount == pytest.approx(math.hypot(0.25 - 0.0025, 0.125 - 0.0025), rel=1e-4)
+    tight = fo.best_pose(asked, box=((0.99, 1.04), (0.99, 1.01)))  # 9.9 - 10.14: which was refused for want of limits
+    assert (tight.status, tight.violation) == ("undecided", pytest.approx(0.24 + 0.05))
+    assert "that takes limits" in str(tight)
+    assert fo.best_pose(asked, box=box, clearance="middle").window == (0.0, 0.0)

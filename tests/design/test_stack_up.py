@@ -20,10 +20,11 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.stack.spread import spreads
+from fcdm_opt.errors import InputError
 from fcdm_opt.problem.entries import SizeEntry
 from fcdm_opt.problem.schema import checked
-from fcdm_opt.show.printing import console
-from fcdm_opt.show.stacks import print_stack
+from fcdm_opt.show.printing import console, printed
+from fcdm_opt.show.stacks import print_faces, print_stack
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -771,3 +772,42 @@ def test_a_gap_that_no_size_changes_had_contributions() -> None:
     stack = fo.stack_up(problem)
     assert [stack.worst().least, stack.worst().largest] == pytest.approx([0.05, 0.05], abs=1e-9)
     assert [own.worst for own in stack.contributions] == [0.0]
+
+
+def test_one_of_several_contacts_alone() -> None:
+    """A key .01 off both walls, .02 wider or narrower, between walls of which the left one moves by .004."""
+    key, walls = fo.Box((9.98, 8, 4), name="key"), [fo.Box((4, 20, 10), centre=(x, 0, 0)) for x in (-7, 7)]
+    base = fo.Body.from_parts([own.vertices for own in walls], name="base")
+    sizes = [
+        fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.01),
+        fo.Size("wall", "static", faces={"through": (-5, 0, 0)}, tolerance=0.004),
+    ]
+    stack = fo.stack_up(fo.Problem(key, base, motion=fo.Translation("x"), target=(1, 1), goal="clear", sizes=sizes))
+    assert len(stack.contacts) == 2
+    number = 1 + next(k for k, name in enumerate(stack.contacts) if name.startswith("left"))
+    left, right = stack.of_contact(number), stack.of_contact(stack.contacts[2 - number])
+    assert stack.worst().largest == pytest.approx(0.015)  # the right wall ends it
+    assert (left.worst().least, left.worst().largest) == pytest.approx((0.001, 0.019))
+    assert (right.worst().least, right.worst().largest) == pytest.approx((0.005, 0.015))
+    assert left.gap({"width": 0.01, "wall": 0.0}) == pytest.approx(0.005)
+    assert fo.verify(left.yield_(1000)).passed
+    with pytest.raises(InputError, match="no such contact"):
+        stack.of_contact(3)
+
+
+def test_areas_of_round_faces_are_said_to_be_those_of_facets() -> None:
+    note = "area of a round face: that of its facets"
+    for body, round_ones in ((fo.Cylinder(5, 10, name="pin"), True), (fo.Box((1, 2, 3), name="box"), False)):
+        assert (note in printed(lambda own: print_faces(own, "movable"), body)) == round_ones
+
+
+def test_a_stack_up_names_one_wall_of_two_and_that_another_is_as_near() -> None:
+    key = fo.Box((9.98, 8, 4), name="key")
+    walls = [fo.Box((4, 20, 10), centre=(x, 0, 0)) for x in (-7, 7)]
+    base = fo.Body.from_parts([own.vertices for own in walls], name="base")
+    size = fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.01)
+    asked = fo.Problem(key, base, motion=fo.Translation("x"), target=(1, 1), goal="clear", sizes=[size])
+    assert fo.stack_up(asked).deciding_contact.endswith("(and 1 as near)")
+    aside = np.eye(4)
+    aside[0, 3] = 0.004
+    assert "as near" not in fo.stack_up(asked, pose=aside).deciding_contact

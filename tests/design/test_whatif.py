@@ -324,3 +324,12 @@ def test_what_if_a_block_that_does_not_fit_were_smaller() -> None:
     assert math.isnan(found.predicted_amount)
     assert found.after.amount == pytest.approx(0.0)
     assert "not predicted" in str(found)
+
+
+def test_a_change_that_changes_nothing_is_said_to() -> None:
+    """A cube .1 deep in a wall is to go back by that, whatever scales curves are shown at."""
+    asked = Problem(CUBE, WALL, target=(1, 1), goal="touch", motion=Translation("x"))
+    assert str(whatif(asked, target=(1, 1))).startswith("nothing changed: ")
+    assert "nothing is changed: the question is the same" in str(whatif(asked, asked.changed(target=(1, 1))))
+    assert "the answer stays the same" in str(whatif(asked, box=((0.9, 1.1), (0.9, 1.1))))
+    assert "same" not in str(whatif(asked, target=(1.1, 1)))

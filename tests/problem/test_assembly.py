@@ -1057,8 +1057,9 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
     del parts["wall"]
     kept = fo.solve(fo.Assembly(parts, apart, **rest, limits={part: {"TX": (-0.1, 0.1)} for part in rest["motions"]}))
     assert kept.reason == (
-        "right face of one, left face of two are 0.7 mm apart, 0.8 mm asked; with limits set aside (one.TX -0.15 mm, "
-        "two.TX 0.15 mm) one.TX passes its limit -0.1 mm by 0.05 mm; two.TX passes its limit 0.1 mm by 0.05 mm"
+        "right face of one, left face of two are 0.7 mm apart, a clearance of 0.8 mm is required; with limits set "
+        "aside (one.TX -0.15 mm, two.TX 0.15 mm) one.TX passes its limit -0.1 mm by 0.05 mm; two.TX passes its limit "
+        "0.1 mm by 0.05 mm"
     )
     posts = {"left": block((-3, -1, 0), (-1, 1, 2)), "right": block((1, -1, 0), (3, 1, 2))}
     parts = {**{name: fo.Body.convex(own) for name, own in posts.items()}, "one": parts["one"], "floor": parts["floor"]}
@@ -1125,3 +1126,11 @@ def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_no
     rows = {row.name: row for row in fo.compare(found.assembly).table}
     assert rows["as given"].amount == pytest.approx(found.amount)
     assert rows["as given"].to_dict()["motion"] == "; ".join(f"{part} {told}" for part, told in found.motions.items())
+
+
+def test_assemblies_that_ask_the_same_are_equal() -> None:
+    for asked in fo.load_assemblies(FILE):
+        again = fo.Assembly.from_dict(asked.to_dict())
+        assert again == asked
+        assert hash(again) == hash(asked)
+        assert asked != asked.changed(name="another")

@@ -532,3 +532,15 @@ def test_meshes_were_read_before_keys_of_cases_were_looked_at(wrong: str, tmp_pa
     with pytest.raises(InputError) as refused:
         load_problems(tmp_path / "asked.toml")
     assert refused.value.key in ("case[2] 'B'.limits.TQ", "case[2] 'A'.name")
+
+
+def test_problems_that_ask_the_same_are_equal() -> None:
+    folder = Path(__file__).parents[2] / "problems"
+    for name in ("example1", "peg_square", "bracket", "keyway"):
+        for asked in load_problems(folder / f"{name}.toml"):
+            again = Problem.from_dict(asked.to_dict())
+            assert again == asked
+            assert hash(again) == hash(asked)
+            assert asked != asked.changed(name="another")
+            assert asked != asked.changed(snap=1e-5)
+            assert asked != 1

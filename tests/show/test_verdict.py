@@ -55,10 +55,11 @@ VERDICTS = {
     ("nut", "nut made too small"): (
         "does not fit: key 20.00 mm in nut 19.89 mm, between face 2 (facing -x) and face 10 (facing +x) of nut"
     ),
-    ("bracket_stuck", "shift within the ribs"): (  # on the ribs, 1.5 high, which keep it off by 0.5
-        "impossible with this motion and these limits (proved): at the nearest pose found (TX 0 mm + TZ 0.36 mm) "
-        "bottom face of bracket, top face of plate are 2 mm apart; in the way, bottom face of bracket, top face no. 1 "
-        "of ribs are 0.5 mm apart, 0.5 mm asked"
+    ("bracket_stuck", "shift within the ribs"): (  # (32 - 2 * 15.9) / 2 on both sides, at TX = (14 - 18) / 2
+        "impossible with this motion and these limits (proved): at the nearest pose found (TX -2 mm + TZ -1.64 mm) "
+        "right face of bracket, face 3 (facing -x) of ribs are 0.1 mm apart, a clearance of 0.5 mm is required; left "
+        "face of bracket, face 10 (facing +x) of ribs are 0.1 mm apart, a clearance of 0.5 mm is required; in the way, "
+        "bottom face of bracket, top face of plate touch"
     ),
 }
 

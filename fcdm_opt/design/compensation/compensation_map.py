@@ -202,7 +202,10 @@ class CompensationMap(Plain, NotebookRepr):
     @property
     def error_text(self) -> str:
         """The error in words, with what was asked for, and why it is missed."""
-        reached = measured(self.reached, self.unit, 3) if math.isfinite(self.reached) else "not known"
+        reached = measured(self.reached, self.unit, 3)
+        if not math.isfinite(self.reached):
+            sizes, unknown = np.abs(volumes(self.table.corners)), np.isnan(self.table.errors).any(axis=1)
+            reached = f"not known of {sizes[unknown].sum() / sizes.sum():.0%} of the box"
         asked = measured(self.error, self.unit, 3)
         return f"{reached} (asked for {': '.join(filter(None, (asked, self.stopped)))})"
 

@@ -40,6 +40,7 @@ Verdict = Literal["least worst gap", "inside the window", "no pose", "undecided"
 BEST, INSIDE, NONE, UNDECIDED = get_args(Verdict)
 ONLY_CLEAR = "clearance=(0, math.inf)"  # how one without interference is asked for
 MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks for one without interference"
+LEAST = "middle"  # in place of a window
 EFFORT = 20_000  # cells: a second or two for two parameters
 WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
@@ -222,7 +223,10 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
             BEST: ("off zero by at most", "no pose by"),
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
-        known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else "no bound proved"
+        limits = [own.limits for own in self.problem.coordinates] if self.problem is not None else []
+        open_ended = self.status == UNDECIDED and not np.isfinite(limits).all()
+        unproved = "no bound proved" + ": that takes limits" * open_ended
+        known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else unproved
         slack = self.problem.contact_slack if self.problem is not None else 0.0
         least, most = (gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap))
         ends = gaps_text(least, most, self.unit)
@@ -234,8 +238,7 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         failed = ", ".join(own.name for own in self.checks if not own.passed)
         not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
         judged = "verified" if self.passed else not_passed
-        clear = self.least.gap < 0.0 or getattr(self.problem, "goal", "") == "clear"
-        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and clear)
+        middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
         return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several
@@ -282,8 +285,9 @@ def best_pose(
         All sizes of a box, in place of `sizes`; default the problem's tolerance, or without one its own sizes within
         their tolerances: proved then where the motion is made of translations, whose gap is that of `stack_up`. Of an
         assembly (low, high), the scales of all its parts, which have no tolerance.
-    clearance : (low, high), optional
-        The window of the gap, length units.
+    clearance : (low, high) or "middle", optional
+        The window of the gap, length units; without one of goal "clear" its clearance and more, (clearance, inf).
+        "middle": none, the largest |gap| is made least.
     certify : bool
         Whether to prove how good the pose is, and to look everywhere; else the best pose near rest is returned.
     accuracy : float
@@ -294,14 +298,17 @@ def best_pose(
     Raises
     ------
     InputError
-        For sizes that are none (see `clearances`), an empty window, parts without contacts where these are looked at,
-        and where limits are missing that keep the search finite.
+        For sizes that are none (see `clearances`), an empty window, and parts without contacts where these are looked
+        at.
     """
     start = time.perf_counter()
     expected(problem, (Problem, Assembly), "problem")
     arguments.truth(certify, "certify")
     arguments.whole(effort, "effort", "number of cells", 1)
     accuracy = arguments.real(accuracy, "accuracy", "a number from 1e-12 to 1", lambda x: 1e-12 <= x <= 1)
+    if clearance is None and getattr(problem, "goal", "") == "clear":
+        clearance = getattr(problem, "clearance", 0.0), np.inf
+    clearance = None if isinstance(clearance, str) and clearance == LEAST else clearance
     low, high = (0.0, 0.0) if clearance is None else arguments.interval(clearance, "clearance")
     if low == -np.inf and high == np.inf:
         raise InputError("a window without ends asks for nothing", key="clearance", found=clearance)
@@ -500,12 +507,9 @@ def _searched(
         return Search(worst, limits, best, slack, amounts, lambda q: found_at(worst, q), known=known)
     if effort:
         most, amount = (worst.high + slack, best.amount) if amounts else (best.off.value + worst.high, np.inf)
-        limits = domain(worst, most, amount)
-        for name, ends in zip(worst.problem.motion.names, limits.tolist(), strict=True):
-            if not np.isfinite(ends).all():
-                what = "nothing bounds this parameter: a proof needs limits"
-                allowed = "finite limits, a window with a finite upper end, or certify=False"
-                raise InputError(what, key=f"limits.{name}", found=ends, allowed=allowed)
+        bounded = domain(worst, most, amount)
+        effort *= bool(np.isfinite(bounded).all())  # without limits poses go on for ever: nothing is proved of them
+        limits = bounded if effort else limits
 
     def improve(q: Array) -> Found:
         return smaller(worst, found_at(worst, q), slack) if amounts else better(worst, q)

@@ -59,9 +59,11 @@ def better(worst: Worst, q: Array) -> Found:
                 break
             far = trust  # the largest gap may be that of a wall beside which the part slides: until others are nearer
             continue
-        # of all motions that do as much by these slopes the least: turns, say, cost nothing but to second order
-        least = least_motion(values - np.where(kept, 0.0, step.x[-1]), slopes, here.q, worst.weights, steps)
-        tried = found_at(worst, here.q + step.x[:-1] / natural if least is None else least)
+        # of all motions that do as much by these slopes the least: turns, say, cost nothing but to second order; of
+        # steps to where it is clear the least, so that a start stays on its side
+        base = here.q * here.off.clear
+        least = least_motion(values - np.where(kept, 0.0, step.x[-1]), slopes, base, worst.weights, steps)
+        tried = found_at(worst, here.q + step.x[:-1] / natural if least is None else here.q - base + least)
         gained = here.off.value - tried.off.value
         if gained > 0.1 * max(gain, 0.0) and gained > 0.0:
             here, trust, far = tried, trust * (2.0 if gained > 0.5 * gain else 1.0), 0.0
@@ -105,7 +107,10 @@ def least_moved(worst: Worst, found: Found, nearby: Found) -> Found:
     is as good.
     """
     slack, off = DEFAULT.tie * worst.scene.size, found.off.value
-    window = replace(worst, low=worst.low - off - slack, high=worst.high + off + slack)
+    wider, keep_out = off + slack, worst.keep_out
+    if worst.kept_first:
+        wider, keep_out = slack, tuple(replace(own, low=own.low - wider) for own in keep_out)
+    window = replace(worst, low=worst.low - wider, high=worst.high + wider, keep_out=keep_out)
     starts = [found_at(window, own.q) for own in (found, nearby)]
     tried = [_rested(window, start, slack) for start in starts if start.off.value <= slack]
     if not tried or not found.off.clear:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
-from fcdm_opt.geometry.units import gap_text, measured
+from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.model.task import Task, lines_of
 from fcdm_opt.model.true_faces import Exchange
@@ -25,6 +27,7 @@ from fcdm_opt.problem.problem import Problem
 
 TOLD = 3  # contacts that are told, those that are worst first
 MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
+MORE = 1.01  # times what lacks where keep-outs are kept that has to lack where they are not
 SHARE, SHRINK, STEPS = 0.1, 0.25, 24  # of the size, of a step that does not help, and steps
 NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 
@@ -62,14 +65,26 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
         worst = Worst.of(problem, Sizes(frozen(np.repeat(target.T, 2, axis=1)), pairs=frozen(target)), low, high)
     except InputError:  # keep-outs of which only the surface is known
         return rest, []
-    turn = SHARE * problem.size / problem.weights * problem.motion.turning  # where faces lie on each other none is near
+    far = SHARE * problem.size / problem.weights
+    turn = far * problem.motion.turning  # where faces lie on each other none is near
     starts = [np.clip(own, *problem.limits.T) for own in (rest, turn, -turn)[: 3 if turn.any() else 1]]
-    ends = [least_moved(worst, better(worst, own), found_at(worst, own)) for own in starts]
-    each = [(own, sorted(_gaps(worst, own.q), key=lambda one: -one[0])) for own in ends]
-    found, gaps = min(each, key=lambda own: own[1][0][0] if own[1] else 0.0)
+    asked = [(worst, own, 1.0) for own in starts]
+    if worst.keep_out:  # beyond one there may be room, too
+        ends = np.where(np.isfinite(problem.limits), problem.limits / 2.0, np.column_stack([-far, far]))
+        starts += [np.where(np.arange(len(rest)) == k, end, rest) for k in range(len(rest)) for end in ends[k]]
+        asked += [(replace(worst, kept_first=True), own, MORE) for own in starts]
+    each = ((_lacking(worst, least_moved(own, better(own, q), found_at(own, q)).q), more) for own, q, more in asked)
+    (_, q, gaps), _ = min(each, key=lambda own: own[0][0] * own[1])
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
     missed = [told for miss, told in gaps if miss > slack]
-    return found.q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+    return q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+
+
+def _lacking(worst: Worst, q: Array) -> tuple[float, Array, list[tuple[float, str]]]:
+    """Return what lacks at a pose, the sum of what each body lacks most, the pose, and every gap, worst first."""
+    bodies = [list(_gaps(own, q)) for own in (worst, *worst.keep_out)]
+    lack = sum(max([miss for miss, _ in gaps] + [0.0]) for gaps in bodies)
+    return lack, q, sorted(chain.from_iterable(bodies), key=lambda own: -own[0])
 
 
 def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]:
@@ -105,8 +120,7 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
         else:
             radius *= SHRINK
     own, between = near[0], _between(problem.movable, problem.static, near[0])
-    more = f", {measured(problem.clearance, problem.unit, 4)} asked" if problem.clearance > 0.0 else ""
-    return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit)}{more}"]
+    return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit, problem.clearance)}"]
 
 
 def _between(movable: Body, static: Body, met: NearestPoints) -> str:
@@ -131,15 +145,13 @@ def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
 def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
     """Yield by how much each part pair that can be is off its window at parameters, and its gap in words."""
     unit, slack = worst.problem.unit, NEAR * worst.scene.size
-    for own in (worst, *worst.keep_out):
-        scene, sizes = own.scene, own.scene.sizes.box[:, 0]
-        at = scene.rows(own.pose(q))
-        gaps = at.of_pairs(sizes[None])[:, 0]
-        for k in np.argsort(gaps)[: 1 if own.high == 0.0 < gaps.min() else None].tolist():
-            gap, one = float(gaps[k]), at.only(np.array([k]))
-            between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
-            asked = f", {measured(own.low, unit, 4)} asked" if own.low > 0.0 else ""
-            yield max(own.low - gap, gap - own.high), f"{between} {gap_text(gap, slack, unit)}{asked}"
+    scene, sizes = worst.scene, worst.scene.sizes.box[:, 0]
+    at = scene.rows(worst.pose(q))
+    gaps = at.of_pairs(sizes[None])[:, 0]
+    for k in np.argsort(gaps)[: 1 if worst.high == 0.0 < gaps.min() else None].tolist():
+        gap, one = float(gaps[k]), at.only(np.array([k]))
+        between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
+        yield max(worst.low - gap, gap - worst.high), f"{between} {gap_text(gap, slack, unit, worst.low)}"
 
 
 def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:

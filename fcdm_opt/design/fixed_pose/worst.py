@@ -61,6 +61,7 @@ class Worst:
     active: Array = field(default_factory=lambda: np.empty((0, 0)))
     keep_out: tuple[Worst, ...] = ()  # of the movable body and each keep-out, whose window is the clearance and more
     solid: Body | None = None  # the other body, where only its surface is known: a pose inside of it is none
+    kept_first: bool = False  # whether the window is kept and keep-outs are missed, by as little as they can be
     is_program: ClassVar[bool] = False  # whether a linear program tells the best pose
 
     def __post_init__(self) -> None:
@@ -134,8 +135,9 @@ class Worst:
         if off <= 0.0 and self.solid is not None and self._inside(q):
             off = self.scene.size
         overlap = max((own.off(q).value for own in self.keep_out), default=-np.inf)
-        clear = overlap <= self.problem.contact_slack
-        return Off(off if clear else FAR * self.scene.size + overlap, found, rows, max(off, overlap), clear)
+        first, then = (off, overlap) if self.kept_first else (overlap, off)
+        clear = first <= self.problem.contact_slack
+        return Off(then if clear else FAR * self.scene.size + first, found, rows, max(off, overlap), clear)
 
     def missed(self, found: Extremes) -> float:
         """Return how far extremes of the gap are off the window."""
@@ -193,7 +195,7 @@ class Worst:
         known = np.isfinite(values) & np.isfinite(rates).all(axis=1)
         others = [own.linear(q)[:2] for own in self.keep_out]
         values, rates = (np.concatenate(own) for own in zip((values[known], rates[known]), *others, strict=True))
-        return values, rates, np.arange(len(values)) >= known.sum()
+        return values, rates, (np.arange(len(values)) >= known.sum()) != self.kept_first
 
     def _remember(self, found: Extremes) -> None:
         for rho in (found.least.rho, found.most.rho):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes
+from fcdm_opt.curve.touching_sizes import ChangedShapeError, PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import touching_true_faces, widened
 from fcdm_opt.design.contact_gaps import by_contacts
 from fcdm_opt.design.stack.allocation import Allocation, allocated
@@ -153,6 +153,8 @@ class StackUp:
         Of rows of contacts as drawn: which pair they are of, and what stays closed.
     keep_out : tuple of str
         Keep-outs of the problem, by name: the gap is that of two bodies, whatever these leave free.
+    every : StackUp or None
+        That of all contacts, of which this is one alone, see `of_contact`: it is what is judged.
     """
 
     touching: TouchingSizes
@@ -160,6 +162,7 @@ class StackUp:
     unit: str = ""
     loop: Loop | None = None
     keep_out: tuple[str, ...] = ()
+    every: StackUp | None = None
 
     def __str__(self) -> str:
         """Return worst cases, statistics and contributions as tables."""
@@ -191,6 +194,28 @@ class StackUp:
                 by_name = dict(zip(self.names, coefficients, strict=True))
                 found.append(StackRow(feature.label, told, pair.parts, gap, by_name))
         return tuple(found)
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """The contacts of `rows` in words, each once; `of_contact` takes their numbers, from 1."""
+        return tuple(dict.fromkeys(row.told for row in self.rows))
+
+    def of_contact(self, contact: int | str) -> StackUp:
+        """Return the stack-up of one contact alone, whatever others leave, by its number in `contacts` or in words.
+
+        Raises `InputError` for what is no contact of it.
+        """
+        known = self.contacts
+        numbered = isinstance(contact, int) and 1 <= contact <= len(known)
+        name = known[int(contact) - 1] if numbered else contact
+        if name not in known:
+            allowed = "; ".join(f"{k} ({own})" for k, own in enumerate(known, 1))
+            raise InputError("no such contact", key="contact", found=contact, allowed=allowed)
+        rows, pairs = iter(self.rows), list[PairRows]()
+        for pair in self.touching.pairs:
+            own = np.flatnonzero([next(rows).told == name for _ in pair.values])
+            pairs += [pair.some(own)] if len(own) else []
+        return replace(self, touching=replace(self.touching, pairs=tuple(pairs), as_drawn=True), every=self)
 
     @property
     def standing(self) -> tuple[str, ...]:
@@ -299,9 +324,11 @@ class StackUp:
 
     @property
     def deciding_contact(self) -> str:
-        """The contact of that row in words."""
-        values = self.deciding.tolist()
-        return next(row.told for row in self.rows if [row.gap, *row.coefficients.values()] == values)
+        """The contact of that row in words, and how many others have the same one, as opposite walls may."""
+        rows = [np.array([row.gap, *row.coefficients.values()]) for row in self.rows]
+        alike = (np.allclose(own, self.deciding, rtol=0.0, atol=DEFAULT.tie) for own in rows)
+        first, *others = dict.fromkeys(row.told for row, near in zip(self.rows, alike, strict=True) if near)
+        return f"{first} (and {len(others)} as near)" if others else first
 
     @cached_property
     def _worst_rows(self) -> tuple[Array, Array]:
@@ -329,7 +356,9 @@ class StackUp:
         return tuple(sorted(shares, key=lambda own: (-round(own.worst, 9), own.size)))
 
     def claims(self, *, proof: bool = False) -> GapClaims:
-        """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases."""
+        """Return what `verify` looks at: the gap at all sizes, by `rows`, and the worst cases; of all contacts."""
+        if self.every is not None:
+            return self.every.claims()
         parts = np.array([row.parts for row in self.rows])
         heights = np.array([[row.gap, *row.coefficients.values()] for row in self.rows])
         return self._claims([heights[(parts == own).all(axis=1)] for own in np.unique(parts, axis=0)])
@@ -389,10 +418,10 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit)
+        drawn, every = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit), self.every or self
         if correlation is not None:
             return drawn
-        return replace(drawn, claimed=self._claims([pair.values for pair in self._drawn_from.pairs]))
+        return replace(drawn, claimed=every._claims([pair.values for pair in every._drawn_from.pairs]))
 
     def allocate(
         self,

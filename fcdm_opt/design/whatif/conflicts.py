@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
-from fcdm_opt.design.whatif.search import FINE, Clash, ClashSearch, LeastRelaxation, Trial
+from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
@@ -26,7 +26,7 @@ class Conflicts(Plain):
     """Why a problem has no motion."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "constraints", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
+        "constraints", "reason", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
         "stopped",
     )  # fmt: skip
     plain_kinds: ClassVar[Mapping[str, Any]] = {"constraints": tuple[str, ...]}
@@ -42,13 +42,14 @@ class Conflicts(Plain):
     # that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled: a
     # larger deviation can be easier
     deviation: LeastRelaxation | None = None
+    reason: str = ""  # by how much what is asked is missed at the best pose found, or which widths do not go together
     trials: tuple[Trial, ...] = ()  # where the motion alone cannot do it: whether others, or another goal, can
     solves: int
     seconds: float
     stopped: str = ""  # at what the time given was over, where it was: what is missing was not looked for to the end
 
     def __str__(self) -> str:
-        lines = list(filter(None, (verdict(self.problem) or unlike_steps(self.problem),)))  # what `solve` says of it
+        lines = [self.reason] if self.reason else []
         for clash in self.clashes:
             what = "the motion alone cannot meet the goal"
             if clash.names:
@@ -62,12 +63,13 @@ class Conflicts(Plain):
             lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure})", clash.reason))))
         if not self.complete:
             lines.append("there may be others that clash, as few or fewer")
-        lines += [f"to relax alone: {one}" for one in self.relaxations]
+        least = sorted(self.relaxations, key=lambda one: one.amount if one.cures else math.inf)
+        lines += [f"to relax alone: {one}" for one in least]
         if self.deviation is not None:
-            value, what = self.deviation.value, "of the deviation from nominal"
-            none = f"no share {what}, down to {0.0 if math.isnan(value) else FINE:g},"
-            share = f"{value:.6g} {what}" if self.deviation.cures else none
-            lines.append(f"with {share} a motion is found (sampled)")
+            value, found = 100.0 * self.deviation.value, "deviation from nominal a motion is found (sampled)"
+            share = f"{value:.6g} % of the" if value > 0.0 else "no share, however small, of the"
+            none = ", nor without any deviation" * math.isnan(value)
+            lines.append(f"with {share} {found}{none}")
         lines += [f"try {trial}" for trial in self.trials]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
@@ -138,6 +140,7 @@ def conflicts(
     return Conflicts(
         problem=scene,
         constraints=search.constraints,
+        reason=verdict(scene) or unlike_steps(scene) or whole.reason,
         clashes=tuple(clashes),
         complete=complete,
         relaxations=relaxations,

@@ -16,6 +16,8 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.entries import plain_keep_out
+from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
@@ -232,4 +234,6 @@ def same(one: Any, two: Any) -> bool:
         return len(one) == len(two) and all(map(same, one, two))
     if isinstance(one, Size) and isinstance(two, Size):
         return one.to_dict() == two.to_dict()
+    if isinstance(one, KeepOut) and isinstance(two, KeepOut):
+        return plain_keep_out(one) == plain_keep_out(two)
     return bool(type(one) is type(two) and one == two)

@@ -102,7 +102,7 @@ class LeastRelaxation(PlainMotion):
         return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
 
 
-def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 9) -> str:
+def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 6) -> str:
     """Return a value of a constraint in words, by the kind of its unit and what lengths are in."""
     unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(kind, "")
     return measured(f"{math.degrees(value) if kind == 'radian' else value:.{digits}g}", unit)
@@ -266,7 +266,8 @@ class ClashSearch:
         """Return the least relaxation of a constraint, all others kept, with what the motion then goes through."""
         found = self._relaxation(constraint)
         passed = gone_through(found.solution) if found.solution is not None and found.solution.usable else []
-        notes = (f"straight there {one} goes through {other}" for one, other in passed)
+        through = {one: " and ".join(other for first, other in passed if first == one) for one, _ in passed}
+        notes = (f"straight there {one} goes through {others}" for one, others in through.items())
         return replace(found, note="; ".join(filter(None, (found.note, *notes))))
 
     def _relaxation(self, constraint: Constraint) -> LeastRelaxation:
@@ -279,7 +280,9 @@ class ClashSearch:
             note = f"without it: {dropped.status.words}"
             return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
         if not constraint.unit:
-            return replace(common, by=math.inf, failing=math.nan)
+            missed = excesses(self.problem, dropped)[name]
+            note = f"missed by {measured(missed, self.problem.unit)} then" * (0.0 < missed < math.inf)
+            return replace(common, by=math.inf, failing=math.nan, note=note)
         if constraint.unit == "halvings":  # what coarser steps reach finer ones reach too; which are tried is sampled
             for count in range(1, MOST_HALVINGS + 1):
                 finer, _ = self._relaxed(constraint, count)
@@ -395,6 +398,7 @@ class ClashSearch:
         given = {"weights": None, "published": None, "amount": "weighted"}
         if self.problem.motion.parameters != Free().parameters:
             yield Trial(change="motion free = true", solution=self.solved(bare.changed(motion=Free(), **given)))
+        untracked = {"contacts": None, "features": None}
         for goal in ("touch", "clear"):
             if goal != self.problem.goal:
-                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, contacts=None)))
+                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, **untracked)))

@@ -93,7 +93,14 @@ class WhatIf(Plain, NotebookRepr):
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
         changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
-        return "; ".join([changed, *beyond_tolerances(self.after.question)])
+        return "; ".join(filter(None, [changed, self.unchanged_text, *beyond_tolerances(self.after.question)]))
+
+    @property
+    def unchanged_text(self) -> str:
+        """That the change does not change the answer, in words, or is none; "" where it does."""
+        if self.changed and self.differences:
+            return ""
+        return "the answer stays the same" if self.changed else "nothing is changed: the question is the same"
 
 
 def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: Any) -> WhatIf:
@@ -139,7 +146,7 @@ def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: A
     elif changes or type(other) is not type(asked):
         found, allowed = ", ".join(changes) or type(other).__name__, f"a {type(asked).__name__}, or changes"
         raise InputError("not one way to say what changes", key="other", found=found, allowed=allowed)
-    names = tuple(changes) or tuple(key for key, own in asked.request.items() if not same(own, other.request[key]))
+    names = tuple(key for key in changes or asked.request if not same(asked.request[key], other.request[key]))
     times = [perf_counter()]
     before: Any = problem if isinstance(problem, Bounded) else solve(problem)
     times.append(perf_counter())
