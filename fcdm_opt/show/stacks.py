@@ -314,6 +314,20 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
     bars.set_yticks(range(len(shown)), [literal(wrapped(own.size, SIZE)) for own in shown])
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
+    _draw_gaps(gaps, stack, share)
+    return sheet.figure
+
+
+@styled
+def gap_figure(stack: StackUp, share: GapYield) -> Figure:
+    """Draw how the gap is spread about its limits, for a page that has what sizes contribute in a table."""
+    sheet = Sheet.of(3.3, 2.3)
+    _draw_gaps(sheet.axes(0.6, 0.42, 2.6, 1.55), stack, share)
+    return sheet.figure
+
+
+def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield) -> None:
+    """Draw how many of the pairs drawn have which gap, and its limits."""
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
@@ -335,7 +349,6 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
     gaps.set_xlim(min(seen) - room, max(seen) + room)
     gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
     _legend(gaps)
-    return sheet.figure
 
 
 def _legend(axes: Any) -> None:

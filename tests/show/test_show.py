@@ -85,7 +85,6 @@ def draw(kind: str, example: int, name: str) -> Any:
     return scene_figure(
         shown,
         contacts=contacts_of(moved, solution.rho, shown),
-        moved=solution.transform,
         said=asked.published_text,
         title=TITLE,
         caption="a caption",
@@ -331,15 +330,14 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     motion = np.eye(4)
     motion[0, 3] = -0.001
     shown = ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0))
-    old, times = shown.before(motion)
-    assert old is not None
-    np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
+    before, times = shown.before
+    np.testing.assert_allclose(before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
     assert times > 10.0
-    figure = scene_figure(shown, moved=motion, said="0.001 along -x")
+    figure = scene_figure(shown, said="0.001 along -x")
     words = [" ".join(text.split()) for text in texts(figure)]
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
-    assert shown.before(motion)[1] == 1.0
+    assert ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0)).before[1] == 1.0
 
 
 def test_a_section_is_what_a_plane_cuts_out() -> None:
@@ -645,8 +643,9 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert described(motion, [-0.03, 0.0], "") == "TX -0.03"
     assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
     bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
-    ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
-    figure = scene_figure(ShownBodies.of_parts(bodies, ["up", "fixed", "along x"], ways))
+    poses = [np.eye(4), None, np.eye(4)]
+    poses[0][2, 3], poses[2][0, 3] = 1e-3, 2.0
+    figure = scene_figure(ShownBodies.of_parts(bodies, ["up", "fixed", "along x"], poses))
     arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
     steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
     assert len(steps) == 2

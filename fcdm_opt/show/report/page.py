@@ -6,6 +6,9 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
@@ -21,6 +24,7 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
+from fcdm_opt.show.verdict import length_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -99,9 +103,10 @@ def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) 
         pieces = scene_pieces(bodies, contacts=contacts, unit=solution.assembly.unit)
         figures.append(assembly_scene(solution, contacts, pieces))
         file = next(file for file in files if number in file["cases"])
-        cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
+        told = _assembly_case(solution, picture_of(pieces, f"case-{number}"))
+        cases.append({"file": file, "number": number, **told})
         if number == file["cases"][0]:  # of the parts as drawn: alike for all cases of a file
-            stacks += stack_reports(solution.assembly)
+            stacks += stack_reports(solution.assembly, f"stack-{number}")
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
@@ -137,21 +142,38 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
         "usable": solution.usable,
         "verdict": verdict,
         "picture": picture,
-        "moved": solution.status.found,
-        "amount": texts.amount_text(texts.seen_amount(solution), unit),
+        "moved": solution.status.found and any(map(any, texts.values_by_part(solution).values())),
+        "outside": solution.status.name == "OUTSIDE_FIT",
+        "barred": "does not fit",
+        "outcome": texts.outcome_text(solution),
+        "motion": motion if (motion := texts.motion_text(solution)) != "-" else "none",
+        "amount": texts.seen_amount(solution) if solution.status.found else None,
+        "amount_unit": unit,
+        "pair_state": "all met" if solution.usable else "",
+        "beyond": "; ".join(beyond_tolerances(assembly)),
+        "total": texts.amount_text(texts.seen_amount(solution), unit),
         "bound": texts.bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": lines,
         "asked": texts.asked_text(assembly),
+        "wanted": "",
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
         "contacts": [
-            (f"{pair.one} - {pair.two}", texts.goal_text(own.problem), _touching(own), own.pair_state or "-")
+            (f"{pair.one} - {pair.two}", texts.goal_text(own.problem), _touching(own), gap_state(own))
             for pair, own in solved
         ],
         "stages": solution.stages,
         "checks": certificate.checks if certificate is not None else (),
     }
+
+
+def gap_state(solution: Solution) -> str:
+    """Return how a contact is: "touching", "apart 0.15 mm, at least 0.01 mm required", "overlapping 0.2 mm"."""
+    problem, state = solution.problem, solution.pair_state
+    off = state not in ("", "touching") and np.isfinite(solution.pair_gap)
+    told = f"{state} {length_text(problem, abs(solution.pair_gap))}" if off else state or "-"
+    return f"{told}, at least {length_text(problem, problem.clearance)} required" if problem.clearance else told
 
 
 def _touching(solution: Solution) -> str:
