@@ -27,7 +27,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.assemblies import assembly_verdict
 from fcdm_opt.show.report.gather import head
-from fcdm_opt.show.report.page import assembly_page
+from fcdm_opt.show.report.page import assembly_page, assembly_report
 
 X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 
@@ -1075,7 +1075,9 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
         assert solution.to_dict()["reason"] == solution.reason
         with pytest.raises(fo.errors.UnsolvedError, match=re.escape(solution.reason[1:])):
             fo.solve(solution.assembly, throw=True)
-        page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+        page = assembly_page(
+            [{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [assembly_report(solution)]
+        )
         answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
         assert f"{solution.status.words.capitalize()}:" in answer
         assert solution.reason.replace("; ", "\n") in answer  # a line each
@@ -1089,7 +1091,9 @@ def test_the_report_of_an_assembly_tells_what_each_contact_is_asked_to_be() -> N
     between = [("cube", "floor"), {"parts": ("cube", "wall"), "goal": "clear", "clearance": 0.5}]
     solution = fo.solve(fo.Assembly(parts, between, motions={"cube": X >> Z}, unit="mm"))
     assert solution.amount == pytest.approx(0.2)
-    page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+    page = assembly_page(
+        [{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [assembly_report(solution)]
+    )
     assert "<td>clear by 0.5 mm</td>" in page
 
 

@@ -18,7 +18,7 @@ import fcdm_opt as fo
 from fcdm_opt.design.study.point import row
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.report.page import assembly_page, study_page
+from fcdm_opt.show.report.page import assembly_page, assembly_report, study_page
 
 CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -328,7 +328,7 @@ def test_sizes_of_an_assembly_that_is_impossible_were_cut_off_and_its_sheet_spil
     solutions = [fo.solve(own) for own in (asked.changed(made={}), asked)]
     assert [own.status.found for own in solutions] == [True, False]
     file = {"file": "block.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
-    (tmp_path / "report.html").write_text(assembly_page([file], solutions), encoding="utf-8")
+    (tmp_path / "report.html").write_text(assembly_page([file], [*map(assembly_report, solutions)]), encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
     assert "beyond the tolerance" in opened.page.inner_text("#case-1")
     assert opened.page.evaluate(WIDER) == []
@@ -343,7 +343,9 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     path = PROBLEMS / "assemblies" / "loop_of_four.toml"
     asked = next(each for each in fo.load_assemblies(path) if each.scales["key"] == 1.02)
     solution = fo.solve(asked)
-    text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [solution])
+    text = assembly_page(
+        [{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [assembly_report(solution)]
+    )
     assert "relative to left wedge, which carries it" in text
     assert text.count('<table class="title-block">') == 1  # a sheet of two parts had one, of several none
     (tmp_path / "report.html").write_text(text, encoding="utf-8")

@@ -331,7 +331,9 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     motion[0, 3] = -0.001
     shown = ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0))
     before, times = shown.before
-    np.testing.assert_allclose(before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
+    np.testing.assert_allclose(
+        before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12
+    )
     assert times > 10.0
     figure = scene_figure(shown, said="0.001 along -x")
     words = [" ".join(text.split()) for text in texts(figure)]

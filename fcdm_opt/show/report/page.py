@@ -91,30 +91,23 @@ def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
     return [why if len(own) == len(cases) else f"{why} (cases {texts.listed(own)})" for why, own in known.items()]
 
 
-def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
+def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     """Return the report on assemblies as one self-contained HTML text.
 
-    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
+    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None;
+    `cases` are as `assembly_report` returns them.
     """
     titles = [file["title"] or file["file"] for file in files]
-    cases, figures, stacks = [], [], list[dict[str, Any]]()
-    for number, solution in enumerate(solutions):
-        bodies, contacts = parts_of(solution)
-        pieces = scene_pieces(bodies, contacts=contacts, unit=solution.assembly.unit)
-        figures.append(assembly_scene(solution, contacts, pieces))
-        file = next(file for file in files if number in file["cases"])
-        told = _assembly_case(solution, picture_of(pieces, f"case-{number}"))
-        cases.append({"file": file, "number": number, **told})
-        if number == file["cases"][0]:  # of the parts as drawn: alike for all cases of a file
-            stacks += stack_reports(solution.assembly, f"stack-{number}")
+    of = {number: file for file in files for number in file["cases"]}
+    firsts = (cases[file["cases"][0]] for file in files if file["cases"])  # of parts as drawn: alike for all of a file
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
-        figures={"cases": figures},
+        figures={"cases": [case["figure"] for case in cases]},
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
-        cases=cases,
-        stacks=stacks,
+        cases=[{"file": of[number], "number": number, **case} for number, case in enumerate(cases)],
+        stacks=[stack for case in firsts for stack in case["stacks"]],
         arrows=ARROWS,
         inputs=_inputs(files),
         versions=(versions := made()).items(),
@@ -131,8 +124,11 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
     return inputs
 
 
-def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
+def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[str, Any]:
+    """Return the data of one case of an assembly; `name` begins the identifiers of its pictures."""
+    bodies, contacts = parts_of(solution)
     assembly, unit = solution.assembly, solution.assembly.unit
+    pieces = scene_pieces(bodies, contacts=contacts, unit=unit)
     certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
         verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
@@ -140,8 +136,11 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
         "usable": solution.usable,
+        "status": solution.status.name,
         "verdict": verdict,
-        "picture": picture,
+        "figure": assembly_scene(solution, contacts, pieces),
+        "picture": picture_of(pieces, name),
+        "stacks": stack_reports(assembly, f"{name}-stack"),
         "moved": solution.status.found and any(map(any, texts.values_by_part(solution).values())),
         "outside": solution.status.name == "OUTSIDE_FIT",
         "barred": "does not fit",
