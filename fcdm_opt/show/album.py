@@ -145,7 +145,8 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     shown = scene.ShownBodies.of(
         problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
     )
-    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, problem.contacts or solution.features)
+    counted = problem.contacts or solution.features
+    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, counted, problem)
     if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
         contacts = [gap]
     return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

@@ -160,16 +160,13 @@ def touching(solution: AssemblySolution) -> list[Touching]:
         if own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
-        rho, pieces = own.pair if own.rho is None else own.rho, list[Any]()
+        rho = own.pair if own.rho is None else own.rho
         shown = ShownBodies.of(problem.movable, problem.static, rho=rho, transform=own.transform, view=VIEW)
         curve = problem.curve_after(own.transform, rho)
         met = contacts_of(curve, rho, shown, own.features)
         for one in met or filter(None, [Touching.gap(curve, rho, *shown.bodies)]):
-            pieces = [None if own is None else own @ pose[:3, :3].T + pose[:3, 3] for own in (one.across, *one.pieces)]
-            found.append(one._replace(
-                pieces=tuple(pieces[1:]), across=pieces[0], normal=pose[:3, :3] @ one.normal, number=number,
-                told=str(pair), pair=(rows.index(pair.one), rows.index(pair.two)),
-            ))  # fmt: skip
+            both = rows.index(pair.one), rows.index(pair.two)
+            found.append(one.moved(pose)._replace(number=number, told=str(pair), pair=both))
     return found
 
 

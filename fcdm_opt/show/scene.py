@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import islice, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of, touching
@@ -677,11 +678,16 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 
 
 def contacts_of(
-    curve: DecisionCurve, rho: ArrayLike, shown: ShownBodies, counted: Sequence[Feature] = ()
+    curve: DecisionCurve,
+    rho: ArrayLike,
+    shown: ShownBodies,
+    counted: Sequence[Feature] = (),
+    problem: Problem | None = None,
 ) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once.
 
-    Several are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
+    Of a `problem` faces that lie there are told in place of their edges and corners, see `with_whole_faces`. Several
+    contacts are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
     """
     features, bodies = [*counted], shown.named or shown.bodies
     met = [(contact.feature, own) for contact, own in pacing.in_time(touching, curve, rho, late=())]
@@ -700,7 +706,8 @@ def contacts_of(
     found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
     if len(found) == 1:
         return [found[0][1]]
-    words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
+    told = ([own] if problem is None else with_whole_faces(problem, [own], curve.transform) for own in features)
+    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(told, MOST_TOLD), 1)}
     lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     named = (
         one._replace(number=lowest[words[number]], told=words[number]) if number in words else one

@@ -82,6 +82,13 @@ class Touching(NamedTuple):
         """Whether it is one."""
         return self.kind == "overlap"
 
+    def moved(self, pose: Array) -> Touching:
+        """Return the same after a rigid motion, (4, 4)."""
+        turn, shift = pose[:3, :3], pose[:3, 3]
+        across = None if self.across is None else self.across @ turn.T + shift
+        pieces = tuple(own @ turn.T + shift for own in self.pieces)
+        return self._replace(pieces=pieces, normal=turn @ self.normal, across=across)
+
     @classmethod
     def overlap(cls, movable: Body, static: Body) -> Touching | None:
         """Return what bodies as they are shown have in common, None where that is nothing."""

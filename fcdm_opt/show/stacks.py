@@ -270,7 +270,7 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
     print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
         print_text(
-            f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
+            f"of the true parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
             f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
     if note := another_decides(spread):

@@ -17,6 +17,7 @@ from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
@@ -178,7 +179,8 @@ def gap_state(solution: Solution) -> str:
 def _touching(solution: Solution) -> str:
     """Return what touches, in words; of the solution's own bodies, which may be exact at points of round faces."""
     one, two = solution.problem.movable, solution.problem.static
-    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
+    features = with_whole_faces(solution.problem, solution.features, solution.transform)
+    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
 
 

@@ -114,7 +114,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
         low, high = signed(worst.least_low), measured(signed(worst.largest_high), scene.unit)
-        notes.append(f"worst cases of the true round parts are from {low} to {high}")
+        notes.append(f"worst cases of the true parts are from {low} to {high}")
     return {
         "unit": scene.unit,
         "of": " and ".join(of or ()),
