@@ -26,7 +26,7 @@ DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 
 LEADER = 12.0  # points from which on a line leads from a name to what it names
 INDENT = "     "  # of what belongs to the line above it
 CLEAR = 1.0  # points between a name and anything else
-BADGE: dict[str, Any] = {"boxstyle": "circle,pad=0.15", "facecolor": "#F7F7F5", "linewidth": 0.5}  # light in any scheme
+BADGE: dict[str, Any] = {"facecolor": "#F7F7F5", "linewidth": 0.5}  # light in any scheme
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,8 @@ class Names:
         if not len(spots):
             return None
         look: dict[str, Any] = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
-        look["bbox"] = {**BADGE, "edgecolor": colour} if badge else None
+        shape = "circle,pad=0.15" if len(text) == 1 else "round,pad=0.15"
+        look["bbox"] = {**BADGE, "boxstyle": shape, "edgecolor": colour} if badge else None
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
         half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
         label.remove()

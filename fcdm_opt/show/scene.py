@@ -462,7 +462,7 @@ def _name_old(axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, 
     names = Names(axes, dashes)
     for point in arrow:
         names.keep(point, HEAD)
-    names.put("before", ends, away, colour=BLUE)
+    names.put("before", ends, away, colour=LINE, badge=True)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:

@@ -260,6 +260,7 @@ def draw_section(
         arrow = {"arrowstyle": "-|>", "color": blue, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
+        drawn.set_visible(contact.kind != "gap")  # which it would cross
     flat = ((np.vstack(contact.pieces) if contact.across is None else contact.across) - middle) @ plane
     ends = flat[[end(flat @ np.ptp(flat, axis=0)) for end in (np.argmin, np.argmax)]]
     if contact.kind == "gap":

@@ -23,7 +23,7 @@ from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
-from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
@@ -102,7 +102,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "off_drawn": texts.sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
-        "beyond": "; ".join(beyond_tolerances(problem)),
+        "beyond": beyond_stack(problem),
         "told": [*([] if solution.status.name in UNREMARKABLE else [texts.advised(case)]), *said],
         "settled": [text for text in every if text not in said],
         **answered(solution),

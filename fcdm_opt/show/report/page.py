@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
@@ -22,7 +21,7 @@ from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import size_rows, stack_reports
+from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
 from fcdm_opt.show.verdict import length_text
@@ -150,7 +149,7 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
         "amount": texts.seen_amount(solution) if solution.status.found else None,
         "amount_unit": unit,
         "pair_state": "all met" if solution.usable else "",
-        "beyond": "; ".join(beyond_tolerances(assembly)),
+        "beyond": beyond_stack(assembly),
         "total": texts.amount_text(texts.seen_amount(solution), unit),
         "bound": texts.bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
@@ -72,7 +73,12 @@ def _moved(size: Size) -> str:
     return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
 
 
-def stack_reports(assembly: Assembly, name: str) -> list[dict[str, Any]]:
+def beyond_stack(scene: Scene) -> str:
+    """Return which sizes made are outside of the tolerances that the stack-up is computed of; "" where none is."""
+    return "".join(f"{told}; the stack-up holds within the tolerances" for told in beyond_tolerances(scene))
+
+
+def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
     """Return the stack-up of each contact that sizes open, where there are few, or why there is none."""
     contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
     numbered = enumerate(contacts, 1)
