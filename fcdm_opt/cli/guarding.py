@@ -153,6 +153,7 @@ def _interruptible() -> Iterator[None]:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     ended = threading.Event()
+    ending.clear()
 
     def watch() -> None:
         while not ended.is_set():

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 from scipy.spatial.transform import Rotation as Turn
 from scripts import loaded
 from typer.testing import CliRunner
@@ -1105,6 +1106,24 @@ def test_how_far_true_faces_are_from_touching_again_was_not_told() -> None:
     solution = fo.solve(fo.Assembly(parts, [("ball", name) for name in walls], **asked))
     assert solution.status is Status.INFEASIBLE
     assert "nearest to that ball - left overlap by 0.05 mm; ball - right overlap by 0.05 mm" in solution.reason
+
+
+def test_a_face_in_single_precision_was_told_as_an_edge_in_the_table_of_contacts(tmp_path: Path) -> None:
+    """A hexagonal peg pushed against the wall of its hole, parallel but for the digits of the file."""
+    plate = Manifold.cube([60, 60, 20], True) - Manifold.cylinder(40, 10, 10, 6).translate([0, 0, -20])
+    parts = {}
+    for name, solid in (("peg", Manifold.cylinder(30, 9.8, 9.8, 6)), ("plate", plate)):
+        mesh = solid.to_mesh()
+        points, rows = np.asarray(mesh.vert_properties, np.float32)[:, :3], np.asarray(mesh.tri_verts)
+        trimesh.Trimesh(points, rows, process=False).export(tmp_path / f"{name}.stl")
+        parts[name] = fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm")
+    along = fo.Translation((-np.cos(np.pi / 6), -0.5, 0.0))
+    between = [{"parts": ("peg", "plate"), "goal": "touch"}]
+    ((_, _, told, state),) = assembly_report(fo.solve(fo.Assembly(parts, between, motions={"peg": along})))["contacts"]
+    assert state == "touching"
+    sides = re.fullmatch(r"face \d+ \(facing ([+-])x and \1y\) at face \d+ \(facing ([+-])x and \2y\)", told)
+    assert sides is not None
+    assert {*sides.groups()} == {"+", "-"}
 
 
 def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_none(monkeypatch) -> None:
