@@ -647,6 +647,34 @@ def test_figures_follow_the_dark_scheme(wide):
         assert wide.page.evaluate(OVERLAPS) == []
 
 
+def test_a_phone_had_the_verdicts_on_all_cases_below_the_answer(browser, tmp_path):
+    """A block 5.9 and 6 high on a base: two lines a case, whether it is verified beside its name."""
+    parts = {"base": fo.Box((40, 20, 10), centre=(0, 0, -5)), "block": fo.Box((8, 8, 6), centre=(0, 0, 3))}
+    height = fo.Size("height", "block", faces="-z", tolerance=0.2)
+    asked = fo.Assembly(parts, [("block", "base")], [height], {"block": fo.Translation("z")}, unit="mm", name="drawn")
+    cases = [fo.solve(own) for own in (asked, asked.changed(made={"height": -0.1}, name="low"))]
+    file = {"file": "a.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
+    (tmp_path / "report.html").write_text(assembly_page([file], [*map(assembly_report, cases)]), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 390, "height": 844})
+    opened.drawn("0 corrected")
+    assert opened.page.evaluate(CUT_OFF) == []
+    boxes = """s => [...document.querySelectorAll(s)].filter(e => e.getClientRects().length)
+        .map(e => e.getBoundingClientRect().toJSON())"""
+    names, verdicts, answers = (
+        opened.page.evaluate(boxes, chosen) for chosen in (".all tbody a", ".all td:last-child", ".answer")
+    )
+    assert len(answers) == 1
+    assert max(own["bottom"] for own in verdicts) < min(answers[0]["top"], 844)
+    assert [own["top"] == pytest.approx(other["top"], abs=4) for own, other in zip(names, verdicts, strict=True)] == [
+        True
+    ] * 2
+    opened.page.click(".all a >> nth=1")
+    opened.drawn("1 corrected")
+    assert opened.page.inner_text(".answer.chosen h2") == "Case low"
+    assert "Move block 0.1 mm along -z:" in opened.page.inner_text(".answer.chosen .big")
+    opened.context.close()
+
+
 def test_phone_in_the_dark_without_webgl(browser, address):
     options = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark", "is_mobile": True}
     opened = Opened(browser, address, **options)
