@@ -706,8 +706,8 @@ def contacts_of(
     found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
     if len(found) == 1:
         return [found[0][1]]
-    told = ([own] if problem is None else with_whole_faces(problem, [own], curve.transform) for own in features)
-    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(told, MOST_TOLD), 1)}
+    whole = ([own] if problem is None else with_whole_faces(problem, [own], curve.transform) for own in features)
+    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(whole, MOST_TOLD), 1)}
     lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     named = (
         one._replace(number=lowest[words[number]], told=words[number]) if number in words else one

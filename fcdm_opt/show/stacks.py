@@ -321,13 +321,13 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
 @styled
 def gap_figure(stack: StackUp, share: GapYield) -> Figure:
     """Draw how the gap is spread about its limits, for a page that has what sizes contribute in a table."""
-    sheet = Sheet.of(3.3, 2.3)
-    _draw_gaps(sheet.axes(0.6, 0.42, 2.6, 1.55), stack, share)
+    sheet = Sheet.of(2.35, 1.75)
+    _draw_gaps(sheet.axes(0.5, 0.36, 1.78, 1.05), stack, share, columns=2)
     return sheet.figure
 
 
-def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield) -> None:
-    """Draw how many of the pairs drawn have which gap, and its limits."""
+def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) -> None:
+    """Draw how many of the pairs drawn have which gap, and its limits; what is what in so many columns."""
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
@@ -348,13 +348,13 @@ def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield) -> None:
     room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
     gaps.set_xlim(min(seen) - room, max(seen) + room)
     gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
-    _legend(gaps)
+    _legend(gaps, columns)
 
 
-def _legend(axes: Any) -> None:
+def _legend(axes: Any, columns: int = 4) -> None:
     """Tell what is what above the axes, where it covers nothing."""
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.0, handlelength=1.2, columnspacing=0.8,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, handlelength=1.2, columnspacing=0.8,
         handletextpad=0.4, frameon=False,
     )  # fmt: skip
 

@@ -283,8 +283,8 @@ def _with_sizes(solution: Solution) -> str:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
     if not cures and verdict(solution.problem).startswith("does not fit: "):  # wherever the part is moved to
         cures = ["choose a smaller tolerance, or other sizes"]
-    told = ", or ".join(cures)
-    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {told or own[2]}.", solution.advice)
+    cure = ", or ".join(cures)
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2]}.", solution.advice)
 
 
 def _unfit(problem: Problem) -> str:

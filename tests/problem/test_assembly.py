@@ -1081,7 +1081,7 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
         )
         answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
         assert f"{solution.status.words.capitalize()}:" in answer
-        assert solution.reason.replace("; ", "\n") in answer  # a line each
+        assert solution.reason.replace("; ", ";\n") in answer  # a line each
         assert "widen the limits" not in answer
 
 

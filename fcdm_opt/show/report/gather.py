@@ -81,11 +81,11 @@ def gather(
     pacing.at("solving and drawing the cases before it")
     listed, known, cases, interrupted = answered_in_turn(files, case, say)
     tables = list[dict[str, Any]]()
-    for number, told in enumerate(listed):
-        for place in told["cases"]:
+    for number, numbers in enumerate(file["cases"] for file in listed):
+        for place in numbers:
             cases[place]["file"] = number
-        own = [known[place] for place in told["cases"]]
-        found = [] if interrupted else matrices(own, cases, min(told["cases"], default=0))
+        own = [known[place] for place in numbers]
+        found = [] if interrupted else matrices(own, cases, min(numbers, default=0))
         tables += [{"file": number, **table} for table in found]
     one = listed[0] if len(listed) == 1 else {"title": f"Tolerance problems: {len(listed)} files", "note": ""}
     return {

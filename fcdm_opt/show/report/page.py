@@ -171,8 +171,8 @@ def gap_state(solution: Solution) -> str:
     """Return how a contact is: "touching", "apart 0.15 mm, at least 0.01 mm required", "overlapping 0.2 mm"."""
     problem, state = solution.problem, solution.pair_state
     off = state not in ("", "touching") and np.isfinite(solution.pair_gap)
-    told = f"{state} {length_text(problem, abs(solution.pair_gap))}" if off else state or "-"
-    return f"{told}, at least {length_text(problem, problem.clearance)} required" if problem.clearance else told
+    text = f"{state} {length_text(problem, abs(solution.pair_gap))}" if off else state or "-"
+    return f"{text}, at least {length_text(problem, problem.clearance)} required" if problem.clearance else text
 
 
 def _touching(solution: Solution) -> str:

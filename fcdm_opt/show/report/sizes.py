@@ -75,7 +75,7 @@ def _moved(size: Size) -> str:
 
 def beyond_stack(scene: Scene) -> str:
     """Return which sizes made are outside of the tolerances that the stack-up is computed of; "" where none is."""
-    return "".join(f"{told}; the stack-up holds within the tolerances" for told in beyond_tolerances(scene))
+    return "".join(f"{text}; the stack-up holds within the tolerances" for text in beyond_tolerances(scene))
 
 
 def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
