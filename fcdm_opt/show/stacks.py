@@ -354,8 +354,8 @@ def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) 
 def _legend(axes: Any, columns: int = 4) -> None:
     """Tell what is what above the axes, where it covers nothing."""
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, handlelength=1.2, columnspacing=0.8,
-        handletextpad=0.4, frameon=False,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, handlelength=1.2,
+        columnspacing=0.8, handletextpad=0.4, frameon=False,
     )  # fmt: skip
 
 

@@ -56,9 +56,8 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     }
     pieces = solution_pieces(solution)
     picture = picture_of(pieces, name)
-    told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem)}
-    told["stack"] = stack_report(problem, name=f"{name}-stack")
-    return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
+    grounds |= {"sizes": size_rows(problem), "stack": stack_report(problem, name=f"{name}-stack")}
+    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, frames, pieces)}
 
 
 def picture_of(pieces: ScenePieces, name: str) -> dict[str, Any]:
