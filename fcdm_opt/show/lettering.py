@@ -176,8 +176,10 @@ class Names:
         if not len(spots):
             return None
         look: dict[str, Any] = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
-        shape = "circle,pad=0.15" if len(text) == 1 else "round,pad=0.15"
-        look["bbox"] = {**BADGE, "boxstyle": shape, "edgecolor": colour} if badge else None
+        rim = (
+            {"boxstyle": "circle,pad=0.15", "edgecolor": colour} if len(text) == 1 else {"edgecolor": "none", "pad": 1}
+        )
+        look["bbox"] = {**BADGE, **rim} if badge else None
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
         half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
         label.remove()

@@ -53,7 +53,7 @@ MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
 fit in one of its lines."""
 
-HEAD = 9.0  # points across an arrow's head
+HEAD, NUMBERED = 9.0, 30.0  # points across an arrow's head, and a contact with its number
 THIN = 0.7  # points: lines that are drawn thinner are so in the key of a page, too
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
@@ -347,7 +347,7 @@ def draw_scene(
         steps = (old.vertices - shown.solids[k][0].vertices) @ page
         if shown.named is not None:
             arrow = _draw_arrow(axes, [raster, place], shown, old, said)
-            _name_old(axes, raster, dashes, steps, arrow)
+            _name_old(axes, raster, dashes, steps, arrow, [each.middle @ page for each in contacts])
         elif k in places and np.linalg.norm(flat := -steps.mean(axis=0)) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
@@ -452,16 +452,18 @@ def _draw_old(
     return alone, pieces
 
 
-def _name_old(axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, arrow: Array) -> None:
-    """Name the old place at an end of its dashes, clear of these and of the arrow, by where corners came from."""
+def _name_old(
+    axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, arrow: Array, contacts: Sequence[Array]
+) -> None:
+    """Name the old place at an end of its dashes, clear of these, arrow and contacts, by where corners came from."""
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
     ahead = np.array([[0.02], [0.1]]) * float(np.ptp(axes.get_xlim())) * away / np.linalg.norm(away)
     ends = sorted((end for line in pieces for end in line), key=lambda end: -(end @ away))
     ends = [end for end in ends if raster.free(end + ahead)] or ends  # a small part before a large one is all upon it
     dashes = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in pieces] or [np.empty((0, 2, 2))])
     names = Names(axes, dashes)
-    for point in arrow:
-        names.keep(point, HEAD)
+    for point, wide in (*((own, HEAD) for own in arrow), *((own, NUMBERED) for own in contacts)):
+        names.keep(point, wide)
     names.put("before", ends, away, colour=LINE, badge=True)
 
 
