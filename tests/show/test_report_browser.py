@@ -403,6 +403,36 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
         wide.until(count.format(role), corners)
 
 
+def test_points_that_were_cut_away_floated_before_the_section(browser, tmp_path):
+    """A plate .5 above three tips, cut open through two of them: of the one before the section no mark is left."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    feet = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]
+    tips = fo.Body.from_parts(
+        [np.array([*((x + dx, y + dy, -2.0) for dx, dy in feet), (x, y, 0.0)]) for x, y in ((5, 6), (-5, 0), (5, -6))],
+        name="tips",
+    )
+    asked = {"motion": fo.Translation("z"), "goal": "touch", "target": (1, 1), "name": "down"}
+    problem = fo.Problem(fo.Box((16, 20, 2), centre=(0, 0, 1.5), name="plate"), tips, **asked)
+    data = gather([Read(PROBLEMS / "example1.toml", "", "", (problem,))], certify=False, frames=0.0)
+    (case,) = data["cases"]
+    heights = np.array(case["poses"]["corrected"]["contacts"]) @ np.array(case["scene"]["section"])
+    (tmp_path / "report.html").write_text(page(data), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
+    opened.drawn("0 corrected")
+    count = (
+        "document.getElementById('bodies').data.filter(t => t.name.startsWith('feature') && t.mode === 'markers')"
+        ".reduce((sum, t) => sum + t.x.length, 0)"
+    )
+    opened.page.click("[data-look=clear]")
+    opened.until(count, 3)
+    opened.page.click("[data-look=cut]")
+    assert sorted(heights) == pytest.approx([-5.0, -5.0, 5.0])
+    opened.until(count, 2)
+    opened.context.close()
+
+
 def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_others(browser, tmp_path):
     """Pins of 9.9 in bores of 12 do not go in 2.5 farther apart; no scale near that drawn makes them touch."""
     from fcdm_opt.show.report.gather import gather
