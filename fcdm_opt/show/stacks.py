@@ -321,8 +321,8 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
 @styled
 def gap_figure(stack: StackUp, share: GapYield) -> Figure:
     """Draw how the gap is spread about its limits, for a page that has what sizes contribute in a table."""
-    sheet = Sheet.of(2.35, 1.75)
-    _draw_gaps(sheet.axes(0.5, 0.36, 1.78, 1.05), stack, share, columns=2)
+    sheet = Sheet.of(2.35, 1.36)
+    _draw_gaps(sheet.axes(0.5, 0.36, 1.78, 0.7), stack, share, columns=2)
     return sheet.figure
 
 
