@@ -626,7 +626,8 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
         assert opened.page.evaluate(OVERLAPS) == []
         assert [pages(size) for size in ("A4", "Letter")] == [2, 2]
         letters = opened.page.evaluate(
-            "[...document.querySelectorAll('.answer svg text')].filter(t => t.getClientRects().length).map(t => parseFloat(getComputedStyle(t).fontSize)"
+            "[...document.querySelectorAll('.answer svg text')].filter(t => t.getClientRects().length)"
+            ".map(t => parseFloat(getComputedStyle(t).fontSize)"
             " * Math.hypot(t.getScreenCTM().a, t.getScreenCTM().b))"
         )
         assert len(letters) > 6
