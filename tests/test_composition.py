@@ -23,7 +23,7 @@ from scenes import OFF, SCENES, STEP, WIDE
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.show.report.gather import gather, head
-from fcdm_opt.show.report.page import assembly_page, page
+from fcdm_opt.show.report.page import assembly_page, assembly_report, page
 
 NEAR = {"rel": 1e-6, "abs": 1e-9}
 
@@ -281,7 +281,7 @@ def json_(asked: Asked) -> None:
 def report(asked: Asked) -> None:
     opened = SimpleNamespace(path=Path("scene.toml"), title="", note="", problems=(asked.question,), error=None)
     if isinstance(asked.question, fo.Assembly):
-        text = assembly_page([{**head(opened), "cases": [0]}], [asked.solution])
+        text = assembly_page([{**head(opened), "cases": [0]}], [assembly_report(asked.solution)])
     else:
         text = page(gather([opened], certify=False, frames=-1.0))
     assert f"{asked.scene.least(OFF):.4g}" in text

@@ -37,6 +37,9 @@ EXIT_CODES = (
 SCHEMA = 1  # of the JSON documents; another one where a key changes its meaning or goes
 SCENE = "bodies", "keep_out", "size"  # of a problem: what several cases share
 GRACE, PATIENCE = 0.7, 10.0  # seconds after which a run ends that an interrupt does not get through to; with processes
+ending = threading.Event()
+"""Set by a run that heard an interrupt and writes what it has: that takes less than `PATIENCE`."""
+
 BEGUN_BY_OTHERS = ("importlib", "_frozen_importlib", "numba", "llvmlite", "casadi", "coal")
 """Modules in whose midst an interrupt ends the run at once: their code is not made to be left there."""
 
@@ -150,11 +153,14 @@ def _interruptible() -> Iterator[None]:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     ended = threading.Event()
+    ending.clear()
 
     def watch() -> None:
         while not ended.is_set():
             numbers = os.read(reader, 64)  # written by the signal itself, before Python handles it
-            if signal.SIGINT in numbers and not ended.wait(PATIENCE if multiprocessing.active_children() else GRACE):
+            if signal.SIGINT not in numbers or ended.wait(PATIENCE if multiprocessing.active_children() else GRACE):
+                continue
+            if not (ending.is_set() and ended.wait(PATIENCE)):
                 _end()
 
     watcher = threading.Thread(target=watch, daemon=True)

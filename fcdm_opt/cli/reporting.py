@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
-from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, refuse, say
+from fcdm_opt.cli.guarding import BAD_INPUT, INTERRUPTED, NO_MOTION, ending, say
 from fcdm_opt.errors import InputError
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -43,6 +43,8 @@ def report_command(
             out.parent.mkdir(parents=True, exist_ok=True)
         write(out, text)
         say(f"wrote {out} ({len(text.encode()) / MEGABYTE:.1f} MB)")
+    if INTERRUPTED in codes:  # the page says which cases are missing
+        raise KeyboardInterrupt
     finish(None, codes)
 
 
@@ -70,31 +72,33 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
         return "", [BAD_INPUT]
     with pacing.sharing(GATHERED):
         payload = gather(opened, certify=certify, say=say)
-    codes = [NO_MOTION if file.get("late") else BAD_INPUT for file in payload["files"] if file.get("error")]
+    codes = _codes(payload["files"], interrupted=payload["interrupted"])
     return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
+
+
+def _codes(files: Sequence[Mapping[str, Any]], *, interrupted: bool) -> list[int]:
+    """Return the exit codes of what is missing; after an interrupt there is time for the page."""
+    if interrupted:
+        ending.set()
+    late = [NO_MOTION if file.get("late") else BAD_INPUT for file in files if file.get("error")]
+    return [*late, *[INTERRUPTED] * interrupted]
 
 
 def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the same of files of assemblies."""
-    from fcdm_opt.show.report.gather import head
-    from fcdm_opt.show.report.page import assembly_page
+    from fcdm_opt.show.report.gather import answered_in_turn
+    from fcdm_opt.show.report.page import assembly_page, assembly_report
     from fcdm_opt.show.solved import solved_case
 
     opened = opened_files(paths, cases, assemblies=True)
-    heads, solutions = list[dict[str, Any]](), list[Any]()
-    codes = [BAD_INPUT for file in opened if file.error]
-    for file in opened:
-        first, errors = len(solutions), [file.error] if file.error else []
-        for assembly in file.problems:
-            say(f"{file.path.name}: case {assembly.name}")
-            try:
-                solutions.append(solved_case(assembly, certify=certify).solution)
-            except InputError as reason:
-                errors.append(refuse(reason.within(file=file.path, key=f"case {assembly.name!r}")))
-                codes.append(BAD_INPUT)
-        heads.append({**head(file), "cases": range(first, len(solutions)), "error": "\n".join(errors)})
-    codes += [code_of(own.usable, own.status.name) for own in solutions]
-    return assembly_page(heads, solutions) if solutions else "", codes
+    asked = [assembly for file in opened for assembly in file.problems]
+
+    def answer(number: int) -> dict[str, Any]:
+        return assembly_report(solved_case(asked[number], certify=certify).solution, f"case-{number}")
+
+    heads, _, found, interrupted = answered_in_turn(opened, answer, say)
+    codes = _codes(heads, interrupted=interrupted) + [code_of(case["usable"], case["status"]) for case in found]
+    return assembly_page(heads, found) if found else "", codes
 
 
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:

@@ -186,11 +186,16 @@ def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints
 
     `points`, `others` (n, 3). `triangles`, `facing` (t, 3): rows of the first, and of the second.
     """
+    return nearest_of_surfaces(points, triangles, others, facing)[0]
+
+
+def nearest_of_surfaces(points: Array, triangles: Ints, others: Array, facing: Ints) -> tuple[float, Array]:
+    """Return the same, and where the two surfaces are that far apart, a point of each, (2, 3)."""
     import coal
     from scipy.spatial import cKDTree
 
     if not (len(triangles) and len(facing)):
-        return math.inf
+        return math.inf, np.full((2, 3), np.nan)
     # only facets are of use that are no further from the other surface's box than any two corners are
     corners, opposite = points[triangles], others[facing]
     near = cKDTree(opposite[:, 0]).query(corners[:, 0])[0].min()
@@ -202,7 +207,8 @@ def surface_distance(points: Array, triangles: Ints, others: Array, facing: Ints
         points, others = others, points
     here, result = coal.Transform3s(), coal.DistanceResult()
     one, two = _tree(points, triangles), _tree(others, facing)
-    return max(0.0, float(coal.distance(one, here, two, here, coal.DistanceRequest(), result)))
+    apart = float(coal.distance(one, here, two, here, coal.DistanceRequest(True), result))
+    return max(0.0, apart), np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
 
 def _tree(points: Array, triangles: Ints) -> Any:

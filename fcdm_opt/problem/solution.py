@@ -35,7 +35,7 @@ LOOSE = 0.1  # relative gap above which an amount is not to be taken for the lea
 SURE = 0.01  # share of an amount that its mesh may leave open for it to be called the smallest possible
 
 MOST_CORNERS = 8  # of a face, which are listed where derivatives are printed
-FACETED = "their round faces are facets here"
+FACETED = "their curved faces are facets here"
 OPEN = "less is not ruled out on their round faces"
 """Why an answer about a mesh may not be that about the parts, and why one about round faces may not be the least."""
 
@@ -361,7 +361,7 @@ class Bounded(Plain, NotebookRepr):
     def left_by_mesh(self) -> str:
         """What facets of round faces leave open of the amount, in words, where that is more than `SURE` of it.
 
-        As "true parts need between .32 and 2.85 mm: their round faces are facets here".
+        As "true parts need between .32 and 2.85 mm: their curved faces are facets here".
         """
         low, high, unit, found = self.amount_low, self.amount_high, self.amount_unit, self.status.found
         if found and not (self.usable or self.status in IMPOSSIBLE):

@@ -111,13 +111,14 @@ def solution_figure(
     caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
-    shown = "shown unmoved" if drawn["moved"] is None else "shown"
+    moved = bool(drawn["shown"].moves)
+    shown = "shown" if moved else "shown unmoved"
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
     if told := scene.numbered_contacts(drawn["contacts"]):
         caption += f"\ncontacts: {'; '.join(told)}"
-    said = motion_said(solution) if drawn["moved"] is not None else ""
+    said = motion_said(solution) if moved else ""
     return scene.scene_figure(**drawn, said=said, title=title, caption=caption)
 
 
@@ -144,5 +145,8 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     shown = scene.ShownBodies.of(
         problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
     )
-    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, problem.contacts or solution.features)
-    return {"shown": shown, "contacts": contacts, "moved": transform, "unit": problem.unit}, rho
+    counted = problem.contacts or solution.features
+    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, counted, problem)
+    if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
+        contacts = [gap]
+    return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

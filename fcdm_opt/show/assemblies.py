@@ -9,7 +9,6 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.solids import depth_as_drawn
@@ -155,16 +154,19 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
 
 
 def touching(solution: AssemblySolution) -> list[Touching]:
-    """Return what touches after the motions, in the world, with the number of its contact; nothing without motions."""
-    found, asked = list[Touching](), solution.assembly.contacts
+    """Return what touches after the motions, and gaps, in the world, with numbers of contacts; none without motions."""
+    found, asked, rows = list[Touching](), solution.assembly.contacts, [*solution.assembly.parts]
     for number, (pair, own) in enumerate(zip(asked, solution.contacts, strict=False), 1):
-        if own.rho is None or own.transform is None:
+        if own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
-        shown = ShownBodies.of(problem.movable, problem.static, rho=own.rho, transform=own.transform, view=VIEW)
-        for one in contacts_of(problem.curve_after(own.transform, own.rho), own.rho, shown, own.features):
-            pieces = tuple(piece @ pose[:3, :3].T + pose[:3, 3] for piece in one.pieces)
-            found.append(one._replace(pieces=pieces, normal=pose[:3, :3] @ one.normal, number=number, told=str(pair)))
+        rho = own.pair if own.rho is None else own.rho
+        shown = ShownBodies.of(problem.movable, problem.static, rho=rho, transform=own.transform, view=VIEW)
+        curve = problem.curve_after(own.transform, rho)
+        met = contacts_of(curve, rho, shown, own.features)
+        for one in met or filter(None, [Touching.gap(curve, rho, *shown.bodies)]):
+            both = rows.index(pair.one), rows.index(pair.two)
+            found.append(one.moved(pose)._replace(number=number, told=str(pair), pair=both))
     return found
 
 
@@ -173,18 +175,16 @@ ARROWS = "where each part goes, with what carries it (not to scale)"  # what arr
 
 def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
     """Return the parts as made, after their motions, and what touches then; unmoved where none were found."""
-    assembly, bodies, ways = solution.assembly, list[Body](), list[Array]()
-    least = texts.NOTHING * assembly.size
-    for part, body in assembly.bodies_made.items():
+    assembly, bodies = solution.assembly, list[Body]()
+    poses: list[Any] = [solution.transforms.get(part) for part in assembly.parts]
+    for pose, (part, body) in zip(poses, assembly.bodies_made.items(), strict=True):
         made = body.scaled(assembly.scales[part])
-        pose: Any = solution.transforms.get(part)
         bodies.append(made if pose is None else made.moved(pose))
-        way = bodies[-1].vertices.mean(axis=0) - made.vertices.mean(axis=0)
-        ways.append(way if np.linalg.norm(way) > least else np.zeros(3))
     bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    return ShownBodies.of_parts(bodies, names, ways), touching(solution)
+    shown = ShownBodies.of_parts(bodies, names, poses)
+    return shown, touching(solution)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:

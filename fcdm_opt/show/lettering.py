@@ -26,6 +26,7 @@ DISTANCES, ANGLES = (7.0, 10.0, 14.0, 20.0, 28.0), (0, 180, 35, -35, 145, -145, 
 LEADER = 12.0  # points from which on a line leads from a name to what it names
 INDENT = "     "  # of what belongs to the line above it
 CLEAR = 1.0  # points between a name and anything else
+BADGE: dict[str, Any] = {"facecolor": "#F7F7F5", "linewidth": 0.5}  # light in any scheme
 
 
 @dataclass(frozen=True)
@@ -158,20 +159,27 @@ class Names:
         middle, half = self._page(np.asarray(point, dtype=float)), size / 2.0 * self._dot
         self._taken.append(np.array([middle - half, middle + half]))
 
-    def put(self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False) -> float | None:
+    def put(
+        self, text: str, anchors: ArrayLike, away: ArrayLike, *, colour: str, upon: bool = False, badge: bool = False
+    ) -> float | None:
         """Write a name beside the first of several points, (n, 2), where there is room; leave it out else.
 
         Points are the best first; the name stands in the direction `away`, (2,), on the page if it can, and a line of
         its colour leads to one that stands far off. With `upon` it stands upon the first point where it covers no other
-        and no line, if there is one; else a line leads to it however near it stands, from a dot at the point. Returns
-        how far its middle is from that point, in points of the page; None where it is left out.
+        and no line, if there is one; else a line leads to it however near it stands, from a dot at the point. A `badge`
+        is a light ground of its own, to be read on any body and page. Returns how far its middle is from that point, in
+        points of the page; None where it is left out.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox
         spots = spots[((spots >= within.min - 0.5) & (spots <= within.max + 0.5)).all(axis=1)]  # half a pixel
         if not len(spots):
             return None
-        look = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
+        look: dict[str, Any] = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
+        rim = (
+            {"boxstyle": "circle,pad=0.15", "edgecolor": colour} if len(text) == 1 else {"edgecolor": "none", "pad": 1}
+        )
+        look["bbox"] = {**BADGE, **rim} if badge else None
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)
         half = label.get_window_extent(self._axes.figure.canvas.get_renderer()).size / 2.0 + CLEAR * self._dot
         label.remove()

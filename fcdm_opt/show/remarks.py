@@ -62,7 +62,7 @@ def remarks(solution: Solution) -> list[str]:
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
-        told.append(f"the true round parts need between {number_text(low)} and {end}")
+        told.append(f"the true parts need between {number_text(low)} and {end}")
     return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
 
 

@@ -55,7 +55,7 @@ def environment() -> Any:
 
     made = Environment(autoescape=select_autoescape(["html"]), trim_blocks=True, lstrip_blocks=True)
     made.loader, made.undefined = PackageLoader("fcdm_opt.show"), StrictUndefined
-    filters = cleaned, explained, in_unit, numbers, paragraphs, shown, signed, unbroken
+    filters = cleaned, explained, in_unit, numbers, paragraphs, sentence, shown, signed, unbroken
     made.filters |= {own.__name__: own for own in filters}
     made.globals["glossary"] = EXPLAINED
     return made
@@ -83,6 +83,13 @@ def unbroken(text: str) -> Any:
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"(?<![\w)])-[\w.]+", r'<span class="whole">\g<0></span>', str(escape(text))))
+
+
+def sentence(text: str) -> str:
+    """Return a text with a capital first, unless a name and a colon begin it, and a full stop."""
+    first, *_ = text.split(" ")
+    whole = text if first.endswith(":") else f"{text[:1].upper()}{text[1:]}"
+    return whole if whole.endswith((".", ":", "!", "?")) else f"{whole}."
 
 
 def paragraphs(text: str | None) -> list[str]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
+from functools import cached_property, lru_cache
+from itertools import islice, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,9 +23,10 @@ from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.lettering import Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, section_plane, surface_of, touching
+from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of, touching
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -42,7 +43,8 @@ WIDE, LOW = 3.1, 0.36
 FINE = 180  # pixels an inch of what is drawn as pixels
 AROUND = 30  # places to each side of a body where the arrow of its motion may stand
 ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "color": LINE, "linewidth": 1.6}
-"""Length in inches, and looks, of an arrow that tells where a part of an assembly goes."""
+OLD: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
+"""Length in inches, and looks, of an arrow that tells where a part of an assembly goes; looks of its old place."""
 
 COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
 """Of parts of an assembly, one after the other."""
@@ -51,7 +53,7 @@ MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
 fit in one of its lines."""
 
-HEAD = 9.0  # points across an arrow's head
+HEAD, NUMBERED = 9.0, 30.0  # points across an arrow's head, and a contact with its number
 THIN = 0.7  # points: lines that are drawn thinner are so in the key of a page, too
 LEAST_CONTACT, OPENED = 0.6, 0.45
 """Share of the corners of what touches that are to be seen, else bodies are cut open; white in the colour of cuts."""
@@ -70,7 +72,8 @@ MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, t
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
-OVERLAP, MET, CUT = "where they overlap", "in contact", "cut open"
+OVERLAP, CUT, HIDDEN = "where they overlap", "cut open", "dashes, rings: hidden by a part"
+KINDS = {"contact": "in contact", "overlap": OVERLAP, "gap": "where the gap is least"}
 """What the key calls these, and how it begins to tell where bodies are cut."""
 
 FAR, MOST_TURN = 0.12, 0.5
@@ -91,7 +94,6 @@ def scene_figure(
     shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
-    moved: ArrayLike | None = None,
     said: str = "",
     unit: str = "",
     title: str = "",
@@ -99,26 +101,26 @@ def scene_figure(
 ) -> Figure:
     """Draw bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
-    Each of the `contacts` of two bodies, what touches, has an inset that magnifies it. `moved`, (4, 4), is the motion
-    that brought body 1 here, in words beside its arrow where it is `said`: its old place is drawn in dashes, as many
-    times as far off as the legend says. The unit of lengths stands beside the bar of known length.
+    `contacts`, what touches, are magnified in insets. The old places of bodies that moved are drawn in dashes, as many
+    times as far off as the legend says; the motion of body 1 is in words above where it is `said`. The unit of lengths
+    stands at the bar of known length.
     """
-    insets = _magnified(shown, contacts)
+    insets = _magnified(contacts)
     beside = INSET + 0.15 if insets else 0.0
     lines = sum(1 + len(label) // LETTERS for *_, label in shown.solids)
-    rows = 1 + lines + 2 * bool(contacts) + 2 * (moved is not None)
+    rows = 1 + lines + 2 * bool(contacts) + 2 * bool(shown.moves)
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - beside if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
     height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.45) - foot)
     sheet = Sheet.of(wide + beside, height + foot, title=title, caption=caption)
-    axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, moved=moved, said=said)
+    axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     inch, page = _inches_a_length(axes), page_directions(*shown.view)
     for k, contact in enumerate(insets):
         top = sheet.size[1] - k * (INSET + 0.45) - 0.12
-        draw_section(sheet, (wide + 0.05, top - INSET), shown.bodies, contact, moved, page, inch, unit)
+        draw_section(sheet, (wide + 0.05, top - INSET), *shown.met(contact), page, inch, unit)
     return sheet.figure
 
 
@@ -153,21 +155,17 @@ class ScenePieces(NamedTuple):
 
 
 @styled
-def scene_pieces(
-    shown: ShownBodies, *, contacts: Sequence[Touching] = (), moved: ArrayLike | None = None, unit: str = ""
-) -> ScenePieces:
+def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit: str = "") -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
     height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
     sheet = Sheet.of(WIDE, height + LOW)
-    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, moved=moved)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
-    if shown.named is None:
-        facing, _ = section_plane(contacts[0].normal if contacts else np.eye(3)[2], np.zeros(3), page)
-    for contact in reversed(_magnified(shown, contacts)):
+    for contact in reversed(_magnified(contacts)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
-        facing = draw_section(part, (0.05, 0.18), shown.bodies, contact, moved, page, inch, unit)
+        facing = draw_section(part, (0.05, 0.18), *shown.met(contact), page, inch, unit)
         insets.insert(0, part.figure)
     cut = Cut.through(contacts, [body for body, *_ in shown.solids], page)[0] if contacts else None
     facing = facing if cut is None else cut.facing
@@ -190,12 +188,13 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
-def _magnified(shown: ShownBodies, contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts of two bodies that get an inset, one of those that look alike or are facets of one face."""
+def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
+    """Return the contacts that get an inset, one of those of a pair that look alike or are facets of one face."""
     insets: list[Touching] = []
-    for contact in contacts if shown.named is not None else ():
+    for contact in contacts:
+        others = (own for own in insets if own.pair == contact.pair)
         if all(
-            abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in insets
+            abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in others
         ):
             insets.append(contact)
     return insets[:MOST_INSETS]
@@ -232,15 +231,15 @@ class ShownBodies:
 
     `solids` are each body as drawn, see `Body.of_facets`, its colour, and what the key calls it: the movable one, the
     static one, and keep-outs near enough to be shown; or the parts of an assembly. `points`, (n, 3), are what must be
-    on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (3,) each, tell where
-    parts came from: an arrow of one length points away from there; none where 0, or for bodies beyond these.
+    on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (4, 4) each, are the
+    motions that brought bodies here, the first ones in order; None for one that stays.
     """
 
     solids: Sequence[tuple[Body, str, str]]
     points: Array
     view: tuple[float, float]
     named: tuple[Body, Body] | None = None
-    moves: Sequence[Array] = ()
+    moves: Sequence[Array | None] = ()
 
     @classmethod
     def of(
@@ -272,10 +271,11 @@ class ShownBodies:
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         roles = (one, BLUE, "movable"), (two, VERMILLION, "static"), *((body, GREY, "keep-out") for body in near)
         solids = [(body, colour, f"{role}: {shortened(body.name, LONGEST_NAME)}") for body, colour, role in roles]
-        return cls(solids, points, view, named)
+        moves = () if transform is None else (np.asarray(transform, dtype=float),)
+        return cls(solids, points, view, named, moves)
 
     @classmethod
-    def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array] = ()) -> ShownBodies:
+    def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array | None] = ()) -> ShownBodies:
         """Return several bodies where they are, each in a colour of its own."""
         points = np.vstack([np.vstack([body.vertices, body.seed]) for body in bodies])
         colours = [COLOURS[k % len(COLOURS)] for k in range(len(bodies))]
@@ -287,29 +287,37 @@ class ShownBodies:
         """The first two."""
         return self.solids[0][0], self.solids[1][0]
 
-    def before(self, moved: ArrayLike) -> tuple[Body | None, float]:
-        """Return body 1 before a motion, which is drawn larger where it is too small to be seen, and how many times."""
+    def met(self, contact: Touching) -> tuple[list[tuple[Body, str]], Touching, Array]:
+        """Return the two bodies of a contact with their colours, it, and the motion of one as seen from the other."""
+        one, two = (self.moves[k] if k < len(self.moves) else None for k in contact.pair)
+        seen = (np.eye(4) if one is None else one) @ np.linalg.inv(np.eye(4) if two is None else two)
+        return [self.solids[k][:2] for k in contact.pair], contact, seen
+
+    @cached_property
+    def before(self) -> tuple[dict[int, Body], float]:
+        """The bodies that moved before that, drawn as many times as far off where the largest motion is not seen."""
         from scipy.spatial.transform import Rotation
 
-        body, motion = self.bodies[0], np.asarray(moved, dtype=float)
-        was = body.moved(np.linalg.inv(motion))
         page = page_directions(*self.view)
-        steps = (body.vertices - was.vertices) @ page
-        long = float(np.linalg.norm(steps, axis=1).max())
         size = float(np.ptp(self.points @ page, axis=0).max())
-        if not long > 1e-12 * size:
-            return None, 1.0
-        times = max(1.0, FAR * size / long)
-        turn = Rotation.from_matrix(motion[:3, :3].T)
-        times = max(1.0, min(times, MOST_TURN / max(turn.magnitude(), 1e-300)))
+        moved = {k: (self.solids[k][0], motion) for k, motion in enumerate(self.moves) if motion is not None}
+        was = {k: body.moved(np.linalg.inv(motion)) for k, (body, motion) in moved.items()}
+        far = {k: np.linalg.norm((moved[k][0].vertices - own.vertices) @ page, axis=1).max() for k, own in was.items()}
+        was = {k: own for k, own in was.items() if far[k] > 1e-12 * size}
+        if not was:
+            return {}, 1.0
+        turns = {k: Rotation.from_matrix(moved[k][1][:3, :3].T) for k in was}
+        most = max(turn.magnitude() for turn in turns.values())
+        times = max(1.0, min(FAR * size / max(far.values()), MOST_TURN / max(most, 1e-300)))
         if times < 1.5:
             return was, 1.0
         times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
-        middle = body.vertices.mean(axis=0)
-        moved = np.eye(4)
-        moved[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
-        moved[:3, 3] = middle - moved[:3, :3] @ middle + times * (was.vertices.mean(axis=0) - middle)
-        return body.moved(moved), times
+        for k, turn in turns.items():
+            middle, motion = moved[k][0].vertices.mean(axis=0), np.eye(4)
+            motion[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
+            motion[:3, 3] = middle - motion[:3, :3] @ middle + times * (was[k].vertices.mean(axis=0) - middle)
+            was[k] = moved[k][0].moved(motion)
+        return was, times
 
     @property
     def slenderness(self) -> float:
@@ -324,28 +332,30 @@ def draw_scene(
     shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
-    moved: ArrayLike | None = None,
     said: str = "",
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
 
     Parameters are those of `scene_figure`.
     """
-    page, arrows = page_directions(*shown.view), list[Array]()
-    old, times = shown.before(moved) if moved is not None else (None, 1.0)
-    axes = _axes_for(sheet, area, shown, () if old is None else old.vertices)
+    page, arrows, (before, times) = page_directions(*shown.view), list[Array](), shown.before
+    axes = _axes_for(sheet, area, shown, [corner for own in before.values() for corner in own.vertices])
     raster, cut = _draw_solids(axes, shown, contacts)
-    places = raster.roomiest() if len(shown.moves) else {}
-    for k, way in enumerate(shown.moves):
-        flat = way @ page
-        if k in places and np.linalg.norm(flat) > 0.0:
+    places = raster.roomiest() if shown.named is None else {}
+    for k, old in before.items():
+        place, dashes = _draw_old(axes, raster, shown, k, old, cut)
+        steps = (old.vertices - shown.solids[k][0].vertices) @ page
+        if shown.named is not None:
+            arrow = _draw_arrow(axes, [raster, place], shown, old, said)
+            _name_old(axes, raster, dashes, steps, arrow, [each.middle @ page for each in contacts])
+        elif k in places and np.linalg.norm(flat := -steps.mean(axis=0)) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
             axes.annotate("", places[k][0] + half, places[k][0] - half, arrowprops=MOVES, zorder=6)
             arrows += [places[k][0] + share * half for share in (-1.0, -0.3, 0.3, 1.0)]
-    if old is not None:
-        place, dashes = _draw_old(axes, raster, shown, old, times, cut)
-        arrow = _draw_arrow(axes, [raster, place], shown, old, said)
-        _name_old(axes, raster, dashes, (old.vertices - shown.bodies[0].vertices) @ page, arrow)
+    if before:
+        far = f", drawn {times:g} times as far off" if times > 1.0 else ""
+        parts, colour = ("the same part", BLUE) if shown.named is not None else ("the same parts", DARK)
+        axes.plot([], [], color=colour, label=f"before the motion: {parts}{far}", **OLD)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, cut, arrows)
     return axes
@@ -412,7 +422,7 @@ def _draw_solids(axes: Any, shown: ShownBodies, contacts: Sequence[Touching] = (
         if label:
             axes.fill([], [], facecolor=colour, alpha=0.75, label=label)
     if cut is not None:
-        where = "at the contact" if contacts[0].across is None else OVERLAP
+        where = OVERLAP if contacts[0].is_overlap else f"at the {contacts[0].kind}"
         axes.plot([], [], color=GREY, linewidth=0.6, label=f"{CUT} {where}; thin lines: what is cut away")
     return raster, cut
 
@@ -428,9 +438,9 @@ def _cut_open(body: Body, cut: Cut | None, toward: Array | None = None) -> tuple
 
 
 def _draw_old(
-    axes: Any, raster: Raster, shown: ShownBodies, old: Body, times: float, cut: Cut | None
+    axes: Any, raster: Raster, shown: ShownBodies, k: int, old: Body, cut: Cut | None
 ) -> tuple[Raster, Sequence[Array]]:
-    """Draw the old place of body 1 in dashes, where it does not hide them itself; return where it is, and these."""
+    """Draw the old place of a body in dashes, where it does not hide them itself; return where it is, and these."""
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
@@ -438,24 +448,23 @@ def _draw_old(
     polygons, edges, opened = _cut_open(old, cut, np.cross(page[:, 0], page[:, 1]))
     alone.fill(polygons + opened, BLUE, 0)
     pieces = _joined(alone.visible(edges), width)
-    look = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
-    axes.add_collection(LineCollection(pieces, colors=BLUE, zorder=3, **look))
-    far = f", drawn {times:g} times as far off" if times > 1.0 else ""
-    axes.plot([], [], color=BLUE, label=f"before the motion: the same part{far}", **look)
+    axes.add_collection(LineCollection(pieces, colors=shown.solids[k][1], zorder=3, **OLD))
     return alone, pieces
 
 
-def _name_old(axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, arrow: Array) -> None:
-    """Name the old place at an end of its dashes, clear of these and of the arrow, by where corners came from."""
+def _name_old(
+    axes: Any, raster: Raster, pieces: Sequence[Array], steps: Array, arrow: Array, contacts: Sequence[Array]
+) -> None:
+    """Name the old place at an end of its dashes, clear of these, arrow and contacts, by where corners came from."""
     away = steps[np.linalg.norm(steps, axis=1).argmax()]
     ahead = np.array([[0.02], [0.1]]) * float(np.ptp(axes.get_xlim())) * away / np.linalg.norm(away)
     ends = sorted((end for line in pieces for end in line), key=lambda end: -(end @ away))
     ends = [end for end in ends if raster.free(end + ahead)] or ends  # a small part before a large one is all upon it
     dashes = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in pieces] or [np.empty((0, 2, 2))])
     names = Names(axes, dashes)
-    for point in arrow:
-        names.keep(point, HEAD)
-    names.put("before", ends, away, colour=BLUE)
+    for point, wide in (*((own, HEAD) for own in arrow), *((own, NUMBERED) for own in contacts)):
+        names.keep(point, wide)
+    names.put("before", ends, away, colour=LINE, badge=True)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
@@ -521,14 +530,13 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Bod
 def _draw_contacts(
     axes: Any, page: Array, raster: Raster, contacts: Sequence[Touching], cut: Cut | None, clear: Sequence[Array] = ()
 ) -> None:
-    """Draw where two bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`."""
-    from scipy.ndimage import gaussian_filter
+    """Draw where bodies touch, not all of the faces that do: points, lines, areas as one; numbers keep `clear`.
 
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    areas = raster.empty()
-    toward, solid = np.cross(page[:, 0], page[:, 1]), []
+    Points and lines that a body hides are rings and dashes.
+    """
+    toward, solid, hides = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]](), False
     if cut is not None:  # of areas lines are seen, of lines points
-        met = [cut.met(each.pieces) if each.across is None else [] for each in contacts]
+        met = [[] if each.is_overlap else cut.met(each.pieces) for each in contacts]
         opened = {each.number for own, each in zip(met, contacts, strict=True) if own}
         rest = [
             own or ([] if each.number in opened and len(contacts) > MOST_TOLD else cut.behind(each.pieces))
@@ -537,16 +545,39 @@ def _draw_contacts(
         seen = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
         contacts = seen or contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
-        flat = corners @ page
-        if len(flat) > 2 and (contact.across is not None or abs(float(contact.normal @ toward)) > EDGE_ON):
+        flat, look = corners @ page, {"color": contact.colour, "zorder": 5}
+        if len(flat) > 2 and (contact.is_overlap or abs(float(contact.normal @ toward)) > EDGE_ON):
             middle = flat.mean(axis=0)
-            solid.append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
+            solid.setdefault(contact.kind, []).append(corners[np.argsort(np.arctan2(*(flat - middle).T[::-1]))])
         elif len(flat) > 1:
-            way = np.ptp(flat, axis=0).argmax()
-            axes.plot(*flat[[flat[:, way].argmin(), flat[:, way].argmax()]].T, color=GREEN, linewidth=3.0, zorder=4)
+            ends = [end(flat[:, np.ptp(flat, axis=0).argmax()]) for end in (np.argmin, np.argmax)]
+            pieces = raster.visible([corners[ends]])
+            for line in pieces:
+                axes.plot(*line.T, linewidth=3.0, **look)
+            hides |= not pieces
+            axes.plot(*flat[ends].T, linewidth=1.2, linestyle=(0, (2, 1.5)), **look)
+        elif raster.share_seen([*corners]):
+            axes.scatter(*flat.T, s=34, edgecolors="white", linewidths=0.8, **look)
         else:
-            axes.scatter(*flat.T, s=34, color=GREEN, edgecolors="white", linewidths=0.8, zorder=5)
-    colour, label = contacts[0].colour, MET if contacts[0].across is None else OVERLAP
+            hides = True
+            axes.scatter(*flat.T, s=26, facecolors="none", linewidths=1.2, edgecolors=contact.colour, zorder=5)
+    for kind, colour in {each.kind: each.colour for each in contacts}.items():
+        _draw_areas(axes, raster.empty(), solid.get(kind, []), colour)
+        axes.scatter([], [], s=40, marker="s", color=colour, label=KINDS[kind])
+    if hides:
+        axes.plot([], [], color=contacts[0].colour, linestyle=(0, (2, 1.5)), linewidth=1.2, label=HIDDEN)
+    names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
+    for place in (*places.values(), *clear):
+        names.keep(place, 6.0)
+    for number, place in places.items():
+        names.put(str(number), place, (0.0, 1.0), colour=LINE, badge=True)
+
+
+def _draw_areas(axes: Any, areas: Raster, solid: Sequence[Array], colour: str) -> None:
+    """Draw polygons as one area, through which bodies are seen."""
+    from scipy.ndimage import gaussian_filter
+
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     areas.fill(solid, colour, 0)
     if areas.covered.any():
         rows, columns = areas.covered.shape
@@ -555,12 +586,6 @@ def _draw_contacts(
         soft = gaussian_filter(areas.covered.astype(float), 1.0)
         axes.contourf(x, y, soft, levels=[0.3, 2.0], colors=[colour], alpha=VEIL, zorder=4)
         axes.contour(x, y, soft, levels=[0.3], colors=[colour], linewidths=1.2, zorder=4)
-    axes.scatter([], [], s=40, marker="s", color=colour, label=label)
-    names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
-    for place in (*places.values(), *clear):
-        names.keep(place, 6.0)
-    for number, place in places.items():
-        names.put(str(number), place, (0.0, 1.0), colour=BLACK)
 
 
 def sharp_edges(body: Body, toward: Array | None = None) -> Array:
@@ -655,11 +680,16 @@ def page_directions(elevation: float, azimuth: float) -> Array:
 
 
 def contacts_of(
-    curve: DecisionCurve, rho: ArrayLike, shown: ShownBodies, counted: Sequence[Feature] = ()
+    curve: DecisionCurve,
+    rho: ArrayLike,
+    shown: ShownBodies,
+    counted: Sequence[Feature] = (),
+    problem: Problem | None = None,
 ) -> list[Touching]:
     """Return what bodies that are shown share at a scale pair on their curve, each place once.
 
-    Several are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
+    Of a `problem` faces that lie there are told in place of their edges and corners, see `with_whole_faces`. Several
+    contacts are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
     """
     features, bodies = [*counted], shown.named or shown.bodies
     met = [(contact.feature, own) for contact, own in pacing.in_time(touching, curve, rho, late=())]
@@ -678,7 +708,8 @@ def contacts_of(
     found = [(features.index(feature) + 1, one) for feature, own in made.items() for one in own]
     if len(found) == 1:
         return [found[0][1]]
-    words = {k: own.in_words(curve.movable, curve.static) for k, own in enumerate(features[:MOST_TOLD], 1)}
+    whole = ([own] if problem is None else with_whole_faces(problem, [own], curve.transform) for own in features)
+    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(whole, MOST_TOLD), 1)}
     lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     named = (
         one._replace(number=lowest[words[number]], told=words[number]) if number in words else one

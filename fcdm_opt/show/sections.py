@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fcdm_opt.curve.contact import Contact
-from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.facets import nearest_of_surfaces
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.polygons import distances, fans
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.geometry.tessellation import Swept, onto
-from fcdm_opt.show import BLUE, DARK, GREEN, NOTE, PURPLE, VERMILLION
+from fcdm_opt.show import DARK, GREEN, GREY, NOTE, PURPLE
 from fcdm_opt.show.lettering import Sheet, clipped, rounded_down
 from fcdm_opt.tolerances import DEFAULT
 
@@ -33,6 +34,7 @@ ALONG_AXIS, LEVEL = 1.0 - 1e-6, 0.9
 """Component of a direction along an axis of the world from which on it is that axis; along z, of a level section."""
 
 SLIVER = 0.15  # share of a body's extent that a cut leaves at least
+WIDEST = 0.1  # share of a body's size: a gap that is wider is seen without a window
 ON_CURVE, ROUNDED = 12, 4.0
 """Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
 what facets leave of round faces stay where they are."""
@@ -45,12 +47,13 @@ VIEWS = (("from the left", "from the right"), ("from the front", "from the back"
 
 
 class Touching(NamedTuple):
-    """Where two bodies touch, or overlap.
+    """Where two bodies touch, overlap, or are nearest to each other: its `kind` is "contact", "overlap" or "gap".
 
     `pieces`, (k, 3) each, are corners of convex polygons that make up the area that they share, or of the line or
     point, world frame; `normal`, (3,), is a unit vector across it. Of an overlap the pieces are the surface, and
-    `across`, (2, 3), are points of both bodies' surfaces where it is deep. `number` is as texts and tables count
-    contacts, 0 where it is the only one, or one of very many; `told` is what touches what.
+    `across`, (2, 3), are points of both bodies' surfaces where it is deep; of a gap they are what is nearest of the
+    second body, and `across` goes over the gap. `number` is as texts and tables count contacts, 0 where it is the only
+    one, or one of very many; `told` is what touches what, and `pair` has the rows of both bodies among those shown.
     """
 
     pieces: tuple[Array, ...]
@@ -58,6 +61,8 @@ class Touching(NamedTuple):
     across: Array | None = None
     number: int = 0
     told: str = ""
+    kind: str = "contact"
+    pair: tuple[int, int] = (0, 1)
 
     @property
     def middle(self) -> Array:
@@ -70,7 +75,19 @@ class Touching(NamedTuple):
     @property
     def colour(self) -> str:
         """What it is drawn in."""
-        return GREEN if self.across is None else PURPLE
+        return {"contact": GREEN, "overlap": PURPLE, "gap": GREY}[self.kind]
+
+    @property
+    def is_overlap(self) -> bool:
+        """Whether it is one."""
+        return self.kind == "overlap"
+
+    def moved(self, pose: Array) -> Touching:
+        """Return the same after a rigid motion, (4, 4)."""
+        turn, shift = pose[:3, :3], pose[:3, 3]
+        across = None if self.across is None else self.across @ turn.T + shift
+        pieces = tuple(own @ turn.T + shift for own in self.pieces)
+        return self._replace(pieces=pieces, normal=turn @ self.normal, across=across)
 
     @classmethod
     def overlap(cls, movable: Body, static: Body) -> Touching | None:
@@ -82,7 +99,27 @@ class Touching(NamedTuple):
         if not depth > DEFAULT.touch * solids.size:
             return None
         surface = [static.seed + triangle for corners, rows in pieces for triangle in corners[rows]]
-        return cls(tuple(surface), (across[1] - across[0]) / depth, across)
+        return cls(tuple(surface), (across[1] - across[0]) / depth, across, kind="overlap")
+
+    @classmethod
+    def gap(cls, curve: DecisionCurve, rho: Array, movable: Body, static: Body) -> Touching | None:
+        """Return where bodies as they are shown, in the curve's pose at these scales, are nearest to each other.
+
+        None where they touch, or are farther apart than can be shown with both of them. Brought together along what is
+        shortest they touch there, as far as faces that lie side by side do.
+        """
+        (points, rows), (others, facing) = surface_of(movable), surface_of(static)
+        long, across = nearest_of_surfaces(points, rows, others, facing)
+        size = min(movable.size, static.size)
+        if not DEFAULT.touch * size < long < WIDEST * size:
+            return None
+        pose = np.array(curve.transform)
+        pose[:3, 3] += across[1] - across[0]
+        met = touching(decision_curve(curve.movable, curve.static, box=curve.box, transform=pose), rho)
+        corners = max((own for _, own in met), key=lambda own: float(np.ptp(own, axis=0).max()), default=across[1:])
+        start = corners.mean(axis=0)
+        across = np.array([start - (across[1] - across[0]), start])
+        return cls((corners,), (across[1] - across[0]) / long, across, kind="gap")
 
     @classmethod
     def of(cls, feature: Feature, pieces: Sequence[Array], movable: Body, static: Body) -> Touching:
@@ -142,7 +179,7 @@ class Cut(NamedTuple):
         for step in (np.zeros(3), facing):
             facing, plane = section_plane(first.normal, step, page)
             ends = np.array([(own.min(), own.max()) for own in (np.vstack(each.pieces) @ facing for each in contacts)])
-            levels = ends.mean(axis=1) if first.across is None else np.array([first.middle @ facing])
+            levels = np.array([first.middle @ facing]) if first.is_overlap else ends.mean(axis=1)
             within = (ends[:, :1] <= levels) & (levels <= ends[:, 1:])
             met, areas = (each_once[:, :, None] & within).any(axis=1).mean(axis=0), within.mean(axis=0)
             best = np.lexsort((areas, met))[-1]
@@ -182,50 +219,56 @@ class Cut(NamedTuple):
 def draw_section(
     sheet: Sheet,
     corner: tuple[float, float],
-    bodies: tuple[Body, Body],
+    solids: Sequence[tuple[Body, str]],
     contact: Touching,
-    moved: ArrayLike | None,
+    moved: Array,
     page: Array,
     inch: float,
     unit: str,
 ) -> Array:
-    """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene beside it is.
+    """Draw an inset with its lower left corner at a place of the sheet (inches), turned as the scene next to it is.
 
-    Bodies are as they are shown; `moved`, (4, 4), is the motion that brought body 1 here. `page`, (3, 2), has the
-    directions of the scene's page, right and up, and a length is `inch` there. Returns the direction to the reader.
+    `solids` are the two bodies as they are shown, each with its colour; `moved`, (4, 4), is the motion that brought the
+    first here, as seen from the second. `page`, (3, 2), has the directions of the scene's page, right and up, and a
+    length is `inch` there. Returns the direction to the reader.
     """
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    movable, static = bodies
-    middle = contact.middle
-    back = np.eye(4) if moved is None else np.linalg.inv(np.asarray(moved, dtype=float))
+    (movable, blue), (static, _) = solids
+    bodies, middle, back = (movable, static), contact.middle, np.linalg.inv(moved)
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
     facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long = float(np.linalg.norm(step @ plane))
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
-    half = min(STEPS * max(long, deep), LARGEST * size) if max(long, deep) > 1e-9 * size else STILL * size
+    wide = deep if contact.kind == "gap" else max(long, deep)
+    half = min(STEPS * wide, LARGEST * size) if wide > 1e-9 * size else STILL * size
     axes = sheet.axes(*corner, INSET, INSET)
     borders = list[Array]()
-    for body, colour, look in ((static, VERMILLION, {"alpha": 0.35}), (movable, BLUE, {"alpha": 0.35})):
+    for body, colour in reversed(solids):
         polygons = [own[[*range(len(own)), 0]] for own in section(body, middle, facing, plane, 1.5 * half)]
         borders += polygons
         if cut := [Path(own, closed=True) for own in polygons]:
             whole = Path.make_compound_path(*cut)
-            axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", **look))
+            axes.add_patch(PathPatch(whole, facecolor=colour, edgecolor="none", alpha=0.35))
             axes.add_patch(PathPatch(whole, facecolor="none", edgecolor=colour, linewidth=1.1))
     if long > 1e-9 * size:
         for polygon in section(was, middle, facing, plane, 1.5 * half):
             borders.append(polygon[[*range(len(polygon)), 0]])
-            axes.plot(*borders[-1].T, color=BLUE, linewidth=0.9, linestyle=(0, (4, 2.5)))
-        arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+            axes.plot(*borders[-1].T, color=blue, linewidth=0.9, linestyle=(0, (4, 2.5)))
+        arrow = {"arrowstyle": "-|>", "color": blue, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
         drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
+        drawn.set_visible(contact.kind != "gap")  # which it would cross
     flat = ((np.vstack(contact.pieces) if contact.across is None else contact.across) - middle) @ plane
     ends = flat[[end(flat @ np.ptp(flat, axis=0)) for end in (np.argmin, np.argmax)]]
-    axes.plot(*ends.T, color=contact.colour, linewidth=3.0, alpha=0.8)
-    axes.plot([0.0], [0.0], "o", color=contact.colour, markersize=4.0)
+    if contact.kind == "gap":
+        ends = flat
+        axes.annotate("", *ends, arrowprops={"arrowstyle": "|-|", "color": DARK, "shrinkA": 0, "shrinkB": 0})
+    else:
+        axes.plot(*ends.T, color=contact.colour, linewidth=3.0, alpha=0.8)
+        axes.plot([0.0], [0.0], "o", color=contact.colour, markersize=4.0)
     axes.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     bar = rounded_down(CORNER * half)
     sides = np.concatenate([np.stack([own[:-1], own[1:]], axis=1) for own in (ends, *borders)])
@@ -233,7 +276,7 @@ def draw_section(
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
-    which = "overlap" if contact.across is not None else f"contact {contact.number or ''}"
+    which = f"{contact.kind} {'' if contact.is_overlap else contact.number or ''}"
     axes.set_title(f"{which.strip()}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
     k = int(np.abs(facing).argmax())
     if abs(facing[k]) > ALONG_AXIS:

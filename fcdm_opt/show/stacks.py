@@ -273,7 +273,7 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
     print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
         print_text(
-            f"of the true round parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
+            f"of the true parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
             f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         )
     if note := another_decides(spread):
@@ -317,6 +317,20 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
     bars.set_yticks(range(len(shown)), [literal(wrapped(own.size, SIZE)) for own in shown])
     bars.set(ylim=(len(shown) - 0.5, -0.5), xlabel="share of each size (%)")
     _legend(bars)
+    _draw_gaps(gaps, stack, share)
+    return sheet.figure
+
+
+@styled
+def gap_figure(stack: StackUp, share: GapYield) -> Figure:
+    """Draw how the gap is spread about its limits, for a page that has what sizes contribute in a table."""
+    sheet = Sheet.of(2.35, 1.36)
+    _draw_gaps(sheet.axes(0.5, 0.36, 1.78, 0.7), stack, share, columns=2)
+    return sheet.figure
+
+
+def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) -> None:
+    """Draw how many of the pairs drawn have which gap, and its limits; what is what in so many columns."""
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
@@ -337,15 +351,14 @@ def stack_figure(stack: StackUp, share: GapYield, *, title: str = "") -> Figure:
     room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
     gaps.set_xlim(min(seen) - room, max(seen) + room)
     gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
-    _legend(gaps)
-    return sheet.figure
+    _legend(gaps, columns)
 
 
-def _legend(axes: Any) -> None:
+def _legend(axes: Any, columns: int = 4) -> None:
     """Tell what is what above the axes, where it covers nothing."""
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.0, handlelength=1.2, columnspacing=0.8,
-        handletextpad=0.4, frameon=False,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, handlelength=1.2,
+        columnspacing=0.8, handletextpad=0.4, frameon=False,
     )  # fmt: skip
 
 

@@ -248,7 +248,8 @@ def outcome_text(solution: Bounded) -> str:
     return "verified" if solution.usable else solution.status.words
 
 
-IMPOSSIBLE = re.compile(r"(Proved impossible with this motion|The motion leaves the fit)[^.]*\.")
+IMPOSSIBLE = re.compile(r"(Proved impossible|Impossible for the meshes|The motion leaves the fit)[^.:]*: ([^.]*)\.")
+"""What advice says of why there is no motion, which a verdict says too, and what it advises."""
 
 
 def advised(case: SolvedCase) -> str:
@@ -260,6 +261,7 @@ def advised(case: SolvedCase) -> str:
     told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
+    told = IMPOSSIBLE.sub(lambda own: f"{own[2][:1].upper()}{own[2][1:]}.", told)
     if fits is None:
         return told
     table = case.solution.problem.tolerance
@@ -271,7 +273,7 @@ def advised(case: SolvedCase) -> str:
 
 def _with_sizes(solution: Solution) -> str:
     """Return the advice of an answer; where widths do not go together that is proved, what mends them, not limits."""
-    from fcdm_opt.problem.fit import mending_turn, sizes_that_lack
+    from fcdm_opt.problem.fit import mending_turn, sizes_that_lack, verdict
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
@@ -279,9 +281,10 @@ def _with_sizes(solution: Solution) -> str:
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
-    if not cures:
-        return solution.advice
-    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {', or '.join(cures)}.", solution.advice)
+    if not cures and verdict(solution.problem).startswith("does not fit: "):  # wherever the part is moved to
+        cures = ["choose a smaller tolerance, or other sizes"]
+    cure = ", or ".join(cures)
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2]}.", solution.advice)
 
 
 def _unfit(problem: Problem) -> str:

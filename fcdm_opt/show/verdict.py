@@ -44,9 +44,10 @@ def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
     if solution.usable:
         return f"{instruction(solution)}: {_effect(solution)}; {sure_text(solution)}"
-    if solution.left_by_mesh:
-        return "; ".join((_refused_text(solution), solution.left_by_mesh))
-    return _refused_text(solution)
+    refused, of_mesh = _refused_text(solution), solution.left_by_mesh
+    if of_mesh.startswith("but "):  # all that is known is of the facets
+        return f"not known whether true parts fit: of the facets, {refused.replace(': ', ', ', 1)}; {of_mesh}"
+    return "; ".join(filter(None, (refused, of_mesh)))
 
 
 def _refused_text(solution: Solution) -> str:

@@ -219,6 +219,27 @@ def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (result.exit_code, said) == (INTERRUPTED, ["interrupted"])
 
 
+def test_a_report_that_was_interrupted_left_no_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The case that was done is there, and the page says which is missing."""
+    answered, count = solved.solved_case, [0]
+
+    def once(*asked: Any, **how: Any) -> Any:
+        count[0] += 1
+        if count[0] > 1:
+            signal.raise_signal(signal.SIGINT)
+        return answered(*asked, **how)
+
+    monkeypatch.chdir(TOP)
+    monkeypatch.setattr(solved, "solved_case", once)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    result = run("report", "problems/assemblies/loop_of_four.toml", "--no-certify", "--out", str(tmp_path / "r.html"))
+    signal.signal(signal.SIGINT, before)
+    assert result.exit_code == INTERRUPTED
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert re.findall(r'<article id="case-\d+"', page) == ['<article id="case-0"']
+    assert "case &#39;key 2 % too large&#39;: left out: interrupted." in page
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("library", ["numpy.exceptions", "numba.core.types", "scipy.sparse"])
 def test_an_interrupt_while_libraries_load_ends_a_command_without_a_traceback(library: str) -> None:

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 from scipy.spatial.transform import Rotation as Turn
 from scripts import loaded
 from typer.testing import CliRunner
@@ -27,7 +28,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.assemblies import assembly_verdict
 from fcdm_opt.show.report.gather import head
-from fcdm_opt.show.report.page import assembly_page
+from fcdm_opt.show.report.page import assembly_page, assembly_report
 
 X, Y, Z = (fo.Translation(axis) for axis in "xyz")
 
@@ -1076,10 +1077,12 @@ def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
         assert solution.to_dict()["reason"] == solution.reason
         with pytest.raises(fo.errors.UnsolvedError, match=re.escape(solution.reason[1:])):
             fo.solve(solution.assembly, throw=True)
-        page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+        page = assembly_page(
+            [{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [assembly_report(solution)]
+        )
         answer = re.sub(r"<[^>]*>", "", page.partition('aria-label="Case')[2].partition("Asked:")[0])
         assert f"{solution.status.words.capitalize()}:" in answer
-        assert solution.reason.replace("; ", "\n") in answer  # a line each
+        assert solution.reason.replace("; ", ";\n") in answer  # a line each
         assert "widen the limits" not in answer
 
 
@@ -1090,7 +1093,9 @@ def test_the_report_of_an_assembly_tells_what_each_contact_is_asked_to_be() -> N
     between = [("cube", "floor"), {"parts": ("cube", "wall"), "goal": "clear", "clearance": 0.5}]
     solution = fo.solve(fo.Assembly(parts, between, motions={"cube": X >> Z}, unit="mm"))
     assert solution.amount == pytest.approx(0.2)
-    page = assembly_page([{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [solution])
+    page = assembly_page(
+        [{"file": "a.toml", "title": "a", "note": "", "sha256": "", "cases": [0]}], [assembly_report(solution)]
+    )
     assert "<td>clear by 0.5 mm</td>" in page
 
 
@@ -1102,6 +1107,24 @@ def test_how_far_true_faces_are_from_touching_again_was_not_told() -> None:
     solution = fo.solve(fo.Assembly(parts, [("ball", name) for name in walls], **asked))
     assert solution.status is Status.INFEASIBLE
     assert "nearest to that ball - left overlap by 0.05 mm; ball - right overlap by 0.05 mm" in solution.reason
+
+
+def test_a_face_in_single_precision_was_told_as_an_edge_in_the_table_of_contacts(tmp_path: Path) -> None:
+    """A hexagonal peg pushed against the wall of its hole, parallel but for the digits of the file."""
+    plate = Manifold.cube([60, 60, 20], True) - Manifold.cylinder(40, 10, 10, 6).translate([0, 0, -20])
+    parts = {}
+    for name, solid in (("peg", Manifold.cylinder(30, 9.8, 9.8, 6)), ("plate", plate)):
+        mesh = solid.to_mesh()
+        points, rows = np.asarray(mesh.vert_properties, np.float32)[:, :3], np.asarray(mesh.tri_verts)
+        trimesh.Trimesh(points, rows, process=False).export(tmp_path / f"{name}.stl")
+        parts[name] = fo.Body.from_file(tmp_path / f"{name}.stl", unit="mm")
+    along = fo.Translation((-np.cos(np.pi / 6), -0.5, 0.0))
+    between = [{"parts": ("peg", "plate"), "goal": "touch"}]
+    ((_, _, told, state),) = assembly_report(fo.solve(fo.Assembly(parts, between, motions={"peg": along})))["contacts"]
+    assert state == "touching"
+    sides = re.fullmatch(r"face \d+ \(facing ([+-])x and \1y\) at face \d+ \(facing ([+-])x and \2y\)", told)
+    assert sides is not None
+    assert {*sides.groups()} == {"+", "-"}
 
 
 def test_a_contact_that_cannot_be_met_was_not_named_nor_parts_where_a_name_is_none(monkeypatch) -> None:

@@ -18,7 +18,7 @@ import fcdm_opt as fo
 from fcdm_opt.design.study.point import row
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show.report.page import assembly_page, study_page
+from fcdm_opt.show.report.page import assembly_page, assembly_report, study_page
 
 CHROMIUM = shutil.which("chromium")
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -328,7 +328,7 @@ def test_sizes_of_an_assembly_that_is_impossible_were_cut_off_and_its_sheet_spil
     solutions = [fo.solve(own) for own in (asked.changed(made={}), asked)]
     assert [own.status.found for own in solutions] == [True, False]
     file = {"file": "block.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
-    (tmp_path / "report.html").write_text(assembly_page([file], solutions), encoding="utf-8")
+    (tmp_path / "report.html").write_text(assembly_page([file], [*map(assembly_report, solutions)]), encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
     assert "beyond the tolerance" in opened.page.inner_text("#case-1")
     assert opened.page.evaluate(WIDER) == []
@@ -343,7 +343,9 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
     path = PROBLEMS / "assemblies" / "loop_of_four.toml"
     asked = next(each for each in fo.load_assemblies(path) if each.scales["key"] == 1.02)
     solution = fo.solve(asked)
-    text = assembly_page([{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [solution])
+    text = assembly_page(
+        [{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [assembly_report(solution)]
+    )
     assert "relative to left wedge, which carries it" in text
     assert text.count('<table class="title-block">') == 1  # a sheet of two parts had one, of several none
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
@@ -399,6 +401,37 @@ def test_the_contact_is_seen_where_the_parts_are_cut_open(wide, payload):
     wide.page.click("[data-look=clear]")
     for corners, role in zip(whole, ("movable", "static"), strict=True):
         wide.until(count.format(role), corners)
+
+
+def test_points_that_were_cut_away_floated_before_the_section(browser, tmp_path):
+    """A plate .5 above three tips, cut open through the first: of those before the section no mark is left."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    feet = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]
+    tips = fo.Body.from_parts(
+        [np.array([*((x + dx, y + dy, -2.0) for dx, dy in feet), (x, y, 0.0)]) for x, y in ((0, 6), (5, 0), (-5, -6))],
+        name="tips",
+    )
+    asked = {"motion": fo.Translation("z"), "goal": "touch", "target": (1, 1), "name": "down"}
+    problem = fo.Problem(fo.Box((16, 20, 2), centre=(0, 0, 1.5), name="plate"), tips, **asked)
+    data = gather([Read(PROBLEMS / "example1.toml", "", "", (problem,))], certify=False, frames=0.0)
+    (case,) = data["cases"]
+    heights = np.array(case["poses"]["corrected"]["contacts"]) @ np.array(case["scene"]["section"])
+    (tmp_path / "report.html").write_text(page(data), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
+    opened.drawn("0 corrected")
+    count = (
+        "document.getElementById('bodies').data.filter(t => t.name.startsWith('feature') && t.mode === 'markers')"
+        ".reduce((sum, t) => sum + t.x.length, 0)"
+    )
+    opened.page.click("[data-look=clear]")
+    opened.until(count, 3)
+    opened.page.click("[data-look=cut]")
+    behind = [height <= heights[0] + 1e-6 for height in heights]
+    assert sum(behind) < 3
+    opened.until(count, sum(behind))
+    opened.context.close()
 
 
 def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_others(browser, tmp_path):
@@ -593,8 +626,9 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
         assert opened.page.evaluate(OVERLAPS) == []
         assert [pages(size) for size in ("A4", "Letter")] == [2, 2]
         letters = opened.page.evaluate(
-            "[...document.querySelectorAll('.answer svg text')].map(t => parseFloat(getComputedStyle(t).fontSize)"
-            " * t.getScreenCTM().a)"
+            "[...document.querySelectorAll('.answer svg text')].filter(t => t.getClientRects().length)"
+            ".map(t => parseFloat(getComputedStyle(t).fontSize)"
+            " * Math.hypot(t.getScreenCTM().a, t.getScreenCTM().b))"
         )
         assert len(letters) > 6
         assert min(letters) >= 0.98 * 7 * 96 / 72  # seven points
@@ -643,6 +677,34 @@ def test_figures_follow_the_dark_scheme(wide):
         ground = "getComputedStyle(document.querySelector('.answer.chosen .drawn-picture')).backgroundColor"
         assert wide.page.evaluate(ground) == "rgba(0, 0, 0, 0)"  # a white plate stood under it
         assert wide.page.evaluate(OVERLAPS) == []
+
+
+def test_a_phone_had_the_verdicts_on_all_cases_below_the_answer(browser, tmp_path):
+    """A block 5.9 and 6 high on a base: two lines a case, whether it is verified beside its name."""
+    parts = {"base": fo.Box((40, 20, 10), centre=(0, 0, -5)), "block": fo.Box((8, 8, 6), centre=(0, 0, 3))}
+    height = fo.Size("height", "block", faces="-z", tolerance=0.2)
+    asked = fo.Assembly(parts, [("block", "base")], [height], {"block": fo.Translation("z")}, unit="mm", name="drawn")
+    cases = [fo.solve(own) for own in (asked, asked.changed(made={"height": -0.1}, name="low"))]
+    file = {"file": "a.toml", "title": "Block", "note": "", "sha256": None, "cases": [0, 1]}
+    (tmp_path / "report.html").write_text(assembly_page([file], [*map(assembly_report, cases)]), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 390, "height": 844})
+    opened.drawn("0 corrected")
+    assert opened.page.evaluate(CUT_OFF) == []
+    boxes = """s => [...document.querySelectorAll(s)].filter(e => e.getClientRects().length)
+        .map(e => e.getBoundingClientRect().toJSON())"""
+    names, verdicts, answers = (
+        opened.page.evaluate(boxes, chosen) for chosen in (".all tbody a", ".all td:last-child", ".answer")
+    )
+    assert len(answers) == 1
+    assert max(own["bottom"] for own in verdicts) < min(answers[0]["top"], 844)
+    assert [own["top"] == pytest.approx(other["top"], abs=4) for own, other in zip(names, verdicts, strict=True)] == [
+        True
+    ] * 2
+    opened.page.click(".all a >> nth=1")
+    opened.drawn("1 corrected")
+    assert opened.page.inner_text(".answer.chosen h2") == "Case low"
+    assert "Move block 0.1 mm along -z:" in opened.page.inner_text(".answer.chosen .big")
+    opened.context.close()
 
 
 def test_phone_in_the_dark_without_webgl(browser, address):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,15 @@ import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.problem.keys import ProblemFile
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show import texts
 from fcdm_opt.show.remarks import left_out
+from fcdm_opt.show.report import gather as gathering
 from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
+from fcdm_opt.show.report.page import assembly_report
 from fcdm_opt.show.report.sizes import size_rows, stack_report, stack_reports
 from fcdm_opt.show.stacks import BEYOND, stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
@@ -693,6 +697,51 @@ def test_an_assembly_had_no_stack_up_where_sizes_open_two_contacts():
     assert [*told] == ["block and box", "lid and block"]
     assert told["block and box"] == pytest.approx([-0.02, 0.02])
     assert told["lid and block"] == pytest.approx([1.0 - 0.05, 1.0 + 0.05])
+
+
+def test_a_report_that_was_interrupted_left_no_page(monkeypatch):
+    """What is done is kept, and all that is missing said; an interrupt before that ends the run."""
+    done = []
+
+    def report(problem, *_, **__):
+        if len(done) == 1:
+            raise KeyboardInterrupt
+        done.append(problem.name)
+        return {"name": problem.name}
+
+    monkeypatch.setattr(gathering, "case_report", report)
+    path = PROBLEMS / "boxes.toml"
+    file = ProblemFile.read(path)
+    problems = tuple(file.problems(Problem, path))
+    opened = SimpleNamespace(path=path, title="", note="", problems=problems, error=None)
+    found = gather([opened], certify=False)
+    assert [case["name"] for case in found["cases"]] == [problems[0].name]
+    assert found["interrupted"]
+    missing = found["files"][0]["error"].splitlines()
+    assert [own.endswith(f"case '{each.name}': left out: interrupted") for own, each in
+            zip(missing, problems[1:], strict=True)] == [True] * (len(problems) - 1)  # fmt: skip
+    with pytest.raises(KeyboardInterrupt):
+        gather([opened], certify=False)
+
+
+def test_the_gap_that_a_contact_keeps_was_called_apart_and_no_more():
+    """A slide of 5.95 under a cover at 6.1: .15 apart, of which .01 is required; on its base it touches."""
+    parts = {
+        "base": fo.Box((40, 20, 10), centre=(0, 0, -5)),
+        "slide": fo.Box((16, 12, 6), centre=(0, 0, 3)),
+        "cover": fo.Box((24, 16, 4), centre=(0, 0, 8.1)),
+    }
+    between = [("slide", "base"), {"parts": ("cover", "slide"), "goal": "clear", "clearance": 0.01}]
+    height = fo.Size("height", "slide", faces="+z", tolerance=0.05)
+    motions = dict.fromkeys(("slide", "cover"), fo.Translation("z"))
+    asked = fo.Assembly(parts, between, [height], motions, unit="mm", made={"height": -0.05})
+    told = assembly_report(fo.solve(asked))
+    assert [row[3] for row in told["contacts"]] == ["touching", "apart 0.15 mm, at least 0.01 mm required"]
+    (stack,) = told["stacks"]
+    assert stack["of"] == "cover and slide"
+    assert stack["yield"]["limits"] == "of at least 0.01 mm"
+    assert stack["yield"]["share"] == "100.00%"  # of .05 to .15
+    assert len(told["picture"]["insets"]) == 2  # the contact, and the gap
 
 
 def test_where_parts_do_not_fit_it_was_told_what_matters_most():

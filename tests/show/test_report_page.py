@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fcdm_opt.show.rendering import environment, unbroken
+from fcdm_opt.show.rendering import environment, sentence, unbroken
 from fcdm_opt.show.report.page import page
 from fcdm_opt.show.texts import shown
 
@@ -64,8 +64,8 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "outside": False,
         "extents": [[f"one {text}", "1 x 2 x 3", "1.02 x 2.04 x 3.06", "1.02"]],
         "outcome": "does not fit",
-        "told": [f"advice {text}"],
-        "settled": [f"settled {text}"],
+        "told": [f"Advice {text}"],
+        "settled": [f"Settled {text}"],
         "verdict": f"move it {text}",
         "fit": f"clearance {text}",
         "picture": {
@@ -88,12 +88,15 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
             }
         ],
         "off_drawn": f"width {text} -0.2",
+        "beyond": f"made beyond the tolerance: width {text} -0.2; the stack-up holds within the tolerances",
         "stack": {
             "worst": [{"what": "least", "gap": 0.1, "at": [[f"width {text}", -0.1]]}],
             "spread": {"what": "Root sum square", "ends": [0.0, 0.2]},
             "beyond": [False, True],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
             "notes": [f"not counted {text}"],
+            "yield": {"limits": "of at least 0", "share": "99.00%", "of": "of 100 pairs drawn"},
+            "chart": "<svg></svg>",
         },
         "unit": "",
         "amount_unit": "",
@@ -254,7 +257,7 @@ def test_hostile_names_stay_text(plain):
     assert [tag for tag, _ in hostile.elements] == [tag for tag, _ in harmless.elements]
     assert [sorted(a) for _, a in hostile.elements] == [sorted(a) for _, a in harmless.elements]
     words = visible(hostile)
-    for text in ("advice", "left out", "note", "evidence", "Derivatives", "meaning", "wrong", "Title", "published"):
+    for text in ("Advice", "left out", "note", "evidence", "Derivatives", "meaning", "wrong", "Title", "published"):
         assert f"{text} {HOSTILE}" in words
 
 
@@ -301,7 +304,45 @@ def test_what_a_case_says_stood_four_times_on_the_page():
     }
     words = visible(read(page(data)))
     assert words.lower().count("does not fit: 20.1 in 20.0") == 1
-    assert words.count("choose other sizes") == 1
+    assert words.count("Choose other sizes.") == 1
+
+
+def test_sizes_beyond_their_tolerance_were_told_on_each_sheet():
+    data = payload()
+    data["cases"] = [{**data["cases"][0], "name": name} for name in ("wide", "narrow")]
+    data["cases"][1]["beyond"] = ""
+    data["files"][0]["cases"], data["matrices"] = [0, 1], []
+    words = visible(read(page(data)))
+    assert words.lower().count("made beyond the tolerance") == 1
+    assert "* wide: made beyond the tolerance: width plain -0.2; the stack-up holds within the tolerances." in words
+    assert "wide</a>\u00a0*" in page(data)  # the mark that this explains
+    assert "narrow</a>\u00a0*" not in page(data)
+    data["cases"] = data["cases"][:1]  # without a table of cases it stands with the answer
+    data["files"][0]["cases"] = [0]
+    assert visible(read(page(data))).count("Made beyond the tolerance: width plain -0.2; the stack-up holds") == 1
+
+
+def test_checks_that_hold_were_counted_under_a_motion_that_leaves_the_fit():
+    data = payload()
+    data["cases"][0] |= {"outside": True, "motion": "none"}
+    told = page(data).split('<div class="told">')[1].split('<div class="sizes">')[0]
+    assert "outside the fit" in told
+    assert "checks hold" not in told
+
+
+def test_words_on_a_sheet_were_explained_that_it_does_not_use():
+    data = payload()
+    data["cases"] = [{**data["cases"][0], "outside": True, "asked": "made width -0.2", "goal": "touch"}]
+    data["files"][0]["cases"], data["matrices"] = [0], []
+    words = page(data).split('<p class="paper words">')[1].split("</p>")[0]
+    assert re.findall("<b>(.*?)</b>", words) == ["touch"]
+    data["cases"][0] |= {"outside": False, "pair": [1.0, 1.0]}
+    words = page(data).split('<p class="paper words">')[1].split("</p>")[0]
+    assert re.findall("<b>(.*?)</b>", words) == ["touch", "amount", "pair made", "proved"]
+
+
+def test_checks_stood_open_below_an_answer(plain):
+    assert plain.count("<summary>Checks of the judge (2)</summary>") == plain.count('<article class="case"')
 
 
 def test_why_there_is_no_stack_up_was_said_once_a_case():
@@ -327,7 +368,7 @@ def test_a_verdict_of_several_sentences_ran_on():
     data["cases"][0]["verdict"] = "move one 1 mm along +x; move two 2 mm along -x: then both touch; proved"
     big = page(data).split('<p class="big">')[1].split("</p>")[0]
     lines = [re.sub("<[^>]*>", "", text).strip() for text in big.split("</span>\n")]
-    assert lines == ["Move one 1 mm along +x", "Move two 2 mm along -x:", "then both touch", "proved", ""]
+    assert lines == ["Move one 1 mm along +x;", "Move two 2 mm along -x:", "then both touch;", "proved.", ""]
     data["files"][1]["error"] = "case 'A': wrong\ncase 'B': wrong too"
     listed = [f"<li><b>b.toml</b>: case &#39;{case}</li>" for case in ("A&#39;: wrong", "B&#39;: wrong too")]
     assert "".join(listed) in page(data)
@@ -373,7 +414,7 @@ def test_a_case_without_motion_says_so():
     words = visible(read(page(none)))
     assert "Move it plain" in words  # what is the reason is said as the command line says it
     assert "proof checked" in words
-    assert "advice plain" in words
+    assert "Advice plain." in words
     assert "at rest, at" in words  # the state is not that after a motion
 
 
@@ -449,6 +490,14 @@ def test_marks_say_it_in_words():
     yes_no = environment().get_template("pieces.html").module.yes_no
     told = [re.sub("<[^>]+>", "", yes_no(x)) for x in (True, False, None)]
     assert told == ["✓&nbsp;yes", "✗&nbsp;no", "○&nbsp;not asked"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("open by 2 mm", "Open by 2 mm."), ("ribs: 2 solids", "ribs: 2 solids."), ("Choose others.", "Choose others.")],
+)
+def test_sentences_stood_without_a_full_stop(text, told):
+    assert sentence(text) == told
 
 
 def test_a_table_without_rows_is_left_out():

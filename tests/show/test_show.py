@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_hex
 from matplotlib.text import Text
 from ordinary import problems, solved
 from picture_checks import check_texts, shown
@@ -29,7 +31,7 @@ from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.primitives import Cylinder
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import solution_figure
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -85,7 +87,6 @@ def draw(kind: str, example: int, name: str) -> Any:
     return scene_figure(
         shown,
         contacts=contacts_of(moved, solution.rho, shown),
-        moved=solution.transform,
         said=asked.published_text,
         title=TITLE,
         caption="a caption",
@@ -331,15 +332,16 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     motion = np.eye(4)
     motion[0, 3] = -0.001
     shown = ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0))
-    old, times = shown.before(motion)
-    assert old is not None
-    np.testing.assert_allclose(old.vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12)
+    before, times = shown.before
+    np.testing.assert_allclose(
+        before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12
+    )
     assert times > 10.0
-    figure = scene_figure(shown, moved=motion, said="0.001 along -x")
+    figure = scene_figure(shown, said="0.001 along -x")
     words = [" ".join(text.split()) for text in texts(figure)]
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
-    assert shown.before(motion)[1] == 1.0
+    assert ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0)).before[1] == 1.0
 
 
 def test_a_section_is_what_a_plane_cuts_out() -> None:
@@ -508,6 +510,66 @@ def test_facets_of_one_face_had_an_inset_each() -> None:
         assert len(scene_pieces(ShownBodies.of(one, two, view=(32.0, -55.0)), contacts=contacts).insets) == count
 
 
+def test_a_play_was_nowhere_magnified() -> None:
+    """A cube of 2 above a larger one by .025: what is nearest of that is 2 by 2, the gap .025 along z."""
+    cube, table = box((0.5, 0.0, 0.0), 2.0), box((0.0, 0.0, -4.025), 6.0)
+    gap = Touching.gap(decision_curve(cube, table), np.ones(2), cube, table)
+    assert gap is not None
+    assert gap.kind == "gap"
+    np.testing.assert_allclose(np.abs(gap.normal), [0.0, 0.0, 1.0], atol=1e-12)
+    assert gap.across is not None
+    np.testing.assert_allclose(gap.across[1] - gap.across[0], [0.0, 0.0, -0.025], atol=1e-12)
+    np.testing.assert_allclose(np.ptp(gap.pieces[0], axis=0), [2.0, 2.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(gap.middle, [0.5, 0.0, -1.0125], atol=1e-12)
+    pieces = scene_pieces(ShownBodies.of(cube, table, view=(32.0, -55.0)), contacts=[gap])
+    (title,) = [text for text in texts(pieces.insets[0]) if text.startswith("gap")]
+    assert title.startswith("gap, cut open, \u00d7 ")
+    assert "where the gap is least" in [text for *_, text in pieces.key]
+    far = box((0.0, 0.0, 9.0), 2.0)
+    assert Touching.gap(decision_curve(far, table), np.ones(2), far, table) is None  # which is seen as it is
+
+
+def test_points_that_a_part_hides_stood_on_its_face_as_if_it_touched_there() -> None:
+    """A point on the far side of a cube: a ring; the same point on the near side is filled."""
+    one, two = box((0.0, 0.0, 0.0), 2.0), box((0.0, 5.0, 0.0), 2.0)
+    shown = ShownBodies.of(one, two, view=(20.0, -70.0))
+    filled = []
+    for place in (-1.0, 1.0):
+        point = Touching((np.array([[0.0, place, 0.0]]),), np.array([0.0, 1.0, 0.0]))
+        other = Touching((np.array([[-0.5, -1.0, 0.0]]),), np.array([0.0, 1.0, 0.0]))  # seen: nothing is cut open
+        figure = scene_figure(shown, contacts=[point, other, other])
+        drawn = figure.axes[0].findobj(PathCollection)
+        marks = [own for own in drawn if len(own.get_offsets()) and own.get_sizes()[0] < 40]
+        filled.append([bool(len(own.get_facecolor())) for own in marks])
+        assert any(text.startswith("dashes") or "rings" in text for text in texts(figure)) == (place > 0.0)
+    assert filled == [[True, True, True], [False, True, True]]
+
+
+def test_numbers_of_contacts_were_white_on_light_faces_in_the_dark() -> None:
+    """They have a ground of their own, and neither follows the page's colours."""
+    one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
+    spots = [Touching((np.array([[x, -1.0, 0.0]]),), np.eye(3)[2], number=k) for k, x in ((1, -0.5), (2, 0.5))]
+    pieces = scene_pieces(ShownBodies.of(one, two, view=(32.0, -55.0)), contacts=spots)
+    for number in ("1", "2"):
+        (mark,) = [own for own in pieces.scene.findobj(Text) if own.get_text() == number]
+        patch = mark.get_bbox_patch()
+        assert patch is not None
+        colours = {to_hex(own).upper() for own in (mark.get_color(), patch.get_facecolor())}
+        assert not colours & {*INKS}
+
+
+def test_parts_of_an_assembly_had_no_old_places() -> None:
+    """In dashes of their colours, all as many times as far off; what is fixed has none."""
+    bodies, pose = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0)], np.eye(4)
+    pose[2, 3] = 0.01
+    shown = ShownBodies.of_parts(bodies, ["up", "fixed"], [pose, None])
+    before, times = shown.before
+    assert [*before] == [0]
+    np.testing.assert_allclose(before[0].vertices - bodies[0].vertices, [[0.0, 0.0, -0.01 * times]] * 8, atol=1e-12)
+    label = " ".join(" ".join(texts(scene_figure(shown))).split())
+    assert f"before the motion: the same parts, drawn {times:g} times as far off" in label
+
+
 @pytest.mark.parametrize("turn", [5.0, 41.0, 80.0, 131.0])
 def test_an_inset_of_a_round_wall_leaned(turn: float) -> None:
     """A section along a shaft that goes down its bore: the wall stood askew, but along axes of the world."""
@@ -645,8 +707,9 @@ def test_motions_of_assemblies_were_told_with_steps_of_zero_and_drawn_without_ar
     assert described(motion, [-0.03, 0.0], "") == "TX -0.03"
     assert described(motion, [0.0, 0.0], "mm") == "TX 0 mm"
     bodies = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0, 20.0)]
-    ways = [np.array([0.0, 0.0, 1e-3]), np.zeros(3), np.array([2.0, 0.0, 0.0])]
-    figure = scene_figure(ShownBodies.of_parts(bodies, ["up", "fixed", "along x"], ways))
+    poses = [np.eye(4), None, np.eye(4)]
+    poses[0][2, 3], poses[2][0, 3] = 1e-3, 2.0
+    figure = scene_figure(ShownBodies.of_parts(bodies, ["up", "fixed", "along x"], poses))
     arrows = [own for own in figure.axes[0].texts if own.arrowprops is MOVES]
     steps = np.array([np.subtract(own.xy, own.xyann) for own in arrows])
     assert len(steps) == 2

@@ -370,7 +370,7 @@ def test_line_to_line_is_left_open() -> None:
     solution = fo.solve(fo.Problem(shaft, bored(10.0, 10.0, 20.0, 32), target=(1.0, 1.0), motion=fo.Translation("x")))
     words = verdict_text(solution)
     assert solution.amount_low == 0.0
-    assert "their round faces are facets here" in words
+    assert "their curved faces are facets here" in words
 
 
 def shaft_in_a_bush(radius: float, bore: float) -> fo.Problem:
@@ -389,7 +389,7 @@ def test_facets_that_do_not_fit_are_no_proof_for_round_parts() -> None:
         assert solution.status in (fo.Status.INFEASIBLE, fo.Status.OUTSIDE_FIT)
         words = verdict_text(solution)
         assert "proved" not in words
-        assert ("true parts may fit: their round faces are facets here" in words) == (effort == "proved")
+        assert ("true parts may fit: their curved faces are facets here" in words) == (effort == "proved")
         assert ("what true parts need is not known" in words) == (effort == "quick")
         assert "Proved" not in solution.advice
         assert math.isnan(solution.amount_low) == (effort == "quick")
@@ -449,7 +449,7 @@ def test_what_meshes_leave_open_of_an_assembly_is_told() -> None:
     told = json.loads(json.dumps(solution.to_dict()))
     assert (told["amount_low"], told["amount_high"]) == (solution.amount_low, solution.amount_high)
     assert "proved" not in assembly_verdict(solution)
-    assert "their round faces are facets here" in assembly_verdict(solution)
+    assert "their curved faces are facets here" in assembly_verdict(solution)
     wrong = replace(solution, amount_low=1.01 * solution.amount)
     assert "amount the mesh allows" in [check.name for check in fo.verify_assembly(wrong).failed]
     plain = fo.Assembly({"slab": slab, "block": block}, contacts[1:], motions={"block": Z})

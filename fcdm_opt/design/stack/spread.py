@@ -89,17 +89,18 @@ class GapYield(Plain):
     @property
     def share_text(self) -> str:
         """The share in words."""
-        words = ("from", "to") if np.isfinite(self.limits).all() else ("of at least", "of at most")
-        ends = [
-            f"{word} {measured(end, self.unit, 4)}"
-            for word, end in zip(words, self.limits, strict=True)
-            if np.isfinite(end)
-        ]
         low, high = self.interval
         return (
-            f"gap {' '.join(ends) or 'of any size'}: {self.share:.4%} of {self.count} pairs drawn ({low:.4%} to "
+            f"gap {self.limits_text}: {self.share:.4%} of {self.count} pairs drawn ({low:.4%} to "
             f"{high:.4%} with {100.0 * self.confidence:.6g} % confidence)"
         )
+
+    @property
+    def limits_text(self) -> str:
+        """The limits in words: "of at least 0 mm", "from 0.01 mm to 0.05 mm"."""
+        words = ("from", "to") if np.isfinite(self.limits).all() else ("of at least", "of at most")
+        ends = zip(words, self.limits, strict=True)
+        return " ".join(f"{word} {measured(x, self.unit, 4)}" for word, x in ends if np.isfinite(x)) or "of any size"
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, and the share by draws of their own."""

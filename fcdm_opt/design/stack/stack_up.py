@@ -492,7 +492,8 @@ def stack_up(
     problem : Problem or Assembly
         With sizes, each with a tolerance. Its bodies count as drawn, whatever it says is made.
     limits : (float, float), optional
-        Least and largest gap that will do; default the problem's clearance and infinity.
+        Least and largest gap that will do; default the clearance of the problem, or of the contact of the two parts,
+        and infinity.
     pose : (4, 4) array, optional
         Of the movable body; default as drawn.
     of : (name, name), optional
@@ -506,7 +507,9 @@ def stack_up(
     """
     expected(problem, (Problem, Assembly), "problem")
     keep_out = tuple(own.name for own in problem.keep_out)
-    between = (getattr(problem, "clearance", 0.0), np.inf) if limits is None else interval(limits, "limits")
+    named = (own.asked for own in getattr(problem, "contacts", ()) if of is not None and {*own[:2]} == {*of})
+    least = max((own.get("clearance", 0.0) for own in named), default=getattr(problem, "clearance", 0.0))
+    between = (least, np.inf) if limits is None else interval(limits, "limits")
     if isinstance(problem, Assembly):
         if pose is not None:
             raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")

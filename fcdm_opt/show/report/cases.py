@@ -8,6 +8,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.question import canonical, digest
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import drawn, finite
@@ -22,7 +23,7 @@ from fcdm_opt.show.plots import tolerance_box, window
 from fcdm_opt.show.remarks import GoodNews, left_out, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
-from fcdm_opt.show.report.sizes import size_rows, stack_report
+from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
@@ -55,8 +56,8 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     }
     pieces = solution_pieces(solution)
     picture = picture_of(pieces, name)
-    told = {**_answer(problem, case), "picture": picture, "sizes": size_rows(problem), "stack": stack_report(problem)}
-    return {**told, **grounds, **_pictures(problem, solution, frames, pieces)}
+    grounds |= {"sizes": size_rows(problem), "stack": stack_report(problem, name=f"{name}-stack")}
+    return {**_answer(problem, case), "picture": picture, **grounds, **_pictures(problem, solution, frames, pieces)}
 
 
 def picture_of(pieces: ScenePieces, name: str) -> dict[str, Any]:
@@ -86,7 +87,7 @@ def answered(solution: Solution) -> dict[str, Any]:
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     """Return question and answer."""
     solution = case.solution
-    every = remarks(solution)
+    every = [text for text in remarks(solution) if text not in beyond_tolerances(problem)]
     said = [text for text in every if not isinstance(text, GoodNews)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
@@ -100,6 +101,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "off_drawn": texts.sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
+        "beyond": beyond_stack(problem),
         "told": [*([] if solution.status.name in UNREMARKABLE else [texts.advised(case)]), *said],
         "settled": [text for text in every if text not in said],
         **answered(solution),

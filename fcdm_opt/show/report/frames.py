@@ -26,6 +26,7 @@ from fcdm_opt.plain import drawn
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges
 from fcdm_opt.show.sections import Touching, touching
@@ -167,7 +168,8 @@ class Frames:
             met = touching(curve, place) if near else []
         sets: dict[Feature, list[Array]] = {}
         for contact, corners in met:
-            sets.setdefault(contact.feature, []).append(corners)
+            (feature,) = with_whole_faces(self._problem, [contact.feature], curve.transform)
+            sets.setdefault(feature, []).append(corners)
         return sets
 
     def _lost(self, curve: DecisionCurve, rho: Array | None) -> str:

@@ -79,29 +79,14 @@ def gather(
         with pacing.telling():
             view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
     pacing.at("solving and drawing the cases before it")
-    answers = process_pool.each(case, range(len(asked)))
-    listed, tables, cases = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, Any]]()
-    for number, file in enumerate(files):
-        errors = [file.error] if file.error else []
-        first, known, late = len(cases), list[Problem](), not file.error
-        for problem in file.problems:
-            if say:
-                say(f"{file.path.name}: case {problem.name}")
-            try:
-                with pacing.working_on(f"case {problem.name}"):
-                    pacing.at("solving and drawing", len(cases), len(asked))
-                    cases.append({"file": number, **next(answers)()})
-                known.append(problem)
-            except (InputError, pacing.TimeOverError) as reason:
-                told = reason if isinstance(reason, InputError) else InputError(f"left out: {reason}; allow more time")
-                late = late and told is not reason
-                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
-                if say:
-                    say(f"error: {errors[-1]}")
-        tables += [{"file": number, **table} for table in matrices(known, cases, first)]
-        listed.append({**head(file), "cases": list(range(first, len(cases)))})
-        if errors:
-            listed[-1] |= {"error": "\n".join(errors), "late": late}
+    listed, known, cases, interrupted = answered_in_turn(files, case, say)
+    tables = list[dict[str, Any]]()
+    for number, numbers in enumerate(file["cases"] for file in listed):
+        for place in numbers:
+            cases[place]["file"] = number
+        own = [known[place] for place in numbers]
+        found = [] if interrupted else matrices(own, cases, min(numbers, default=0))
+        tables += [{"file": number, **table} for table in found]
     one = listed[0] if len(listed) == 1 else {"title": f"Tolerance problems: {len(listed)} files", "note": ""}
     return {
         "title": one["title"] or one["file"],
@@ -111,7 +96,48 @@ def gather(
         "files": listed,
         "matrices": tables,
         "cases": cases,
+        "interrupted": interrupted,
     }
+
+
+def answered_in_turn(
+    files: Sequence[Any], answer: Callable[[int], Any], say: Callable[[str], None] | None = None
+) -> tuple[list[dict[str, Any]], list[Any], list[Any], bool]:
+    """Return heads of files, the questions with an answer, the answers, and whether that was interrupted.
+
+    `answer` gives that of a question by its number in all files. A head has the numbers of its file's "cases" among
+    the answers, and as its "error" why others are missing; "late" where that is the time, or an interrupt. Raises
+    `KeyboardInterrupt` where there is no answer yet.
+    """
+    count = sum(len(file.problems) for file in files)
+    answers, heads, known, found = process_pool.each(answer, range(count)), list[dict[str, Any]](), [], list[Any]()
+    interrupted = False
+    for file in files:
+        errors, first, late = [file.error] if file.error else [], len(found), not file.error
+        for problem in file.problems:
+            try:
+                if interrupted:
+                    raise KeyboardInterrupt
+                if say:
+                    say(f"{file.path.name}: case {problem.name}")
+                with pacing.working_on(f"case {problem.name}"):
+                    pacing.at("solving and drawing", len(found), count)
+                    found.append(next(answers)())
+                known.append(problem)
+            except (InputError, pacing.TimeOverError, KeyboardInterrupt) as reason:
+                interrupted = interrupted or isinstance(reason, KeyboardInterrupt)
+                if interrupted and not found:
+                    raise
+                why = "interrupted" if interrupted else f"{reason}; allow more time"
+                told = reason if isinstance(reason, InputError) else InputError(f"left out: {why}")
+                late = late and told is not reason
+                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
+                if say:
+                    say(f"error: {errors[-1]}")
+        heads.append({**head(file), "cases": list(range(first, len(found)))})
+        if errors:
+            heads[-1] |= {"error": "\n".join(errors), "late": late}
+    return heads, known, found, interrupted
 
 
 def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first: int) -> list[dict[str, Any]]:

@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fcdm_opt.design.study.results import DRAW
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
@@ -14,13 +16,15 @@ from fcdm_opt.problem.problem import SIGNS
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
+from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.rendering import whole_page
 from fcdm_opt.show.report.cases import picture_of
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import size_rows, stack_reports
+from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
+from fcdm_opt.show.verdict import length_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -87,29 +91,23 @@ def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
     return [why if len(own) == len(cases) else f"{why} (cases {texts.listed(own)})" for why, own in known.items()]
 
 
-def assembly_page(files: Sequence[Data], solutions: Sequence[AssemblySolution]) -> str:
+def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     """Return the report on assemblies as one self-contained HTML text.
 
-    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None.
+    `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None;
+    `cases` are as `assembly_report` returns them.
     """
     titles = [file["title"] or file["file"] for file in files]
-    cases, figures, stacks = [], [], list[dict[str, Any]]()
-    for number, solution in enumerate(solutions):
-        bodies, contacts = parts_of(solution)
-        pieces = scene_pieces(bodies, contacts=contacts, unit=solution.assembly.unit)
-        figures.append(assembly_scene(solution, contacts, pieces))
-        file = next(file for file in files if number in file["cases"])
-        cases.append({"file": file, **_assembly_case(solution, picture_of(pieces, f"case-{number}"))})
-        if number == file["cases"][0]:  # of the parts as drawn: alike for all cases of a file
-            stacks += stack_reports(solution.assembly)
+    of = {number: file for file in files for number in file["cases"]}
+    firsts = (cases[file["cases"][0]] for file in files if file["cases"])  # of parts as drawn: alike for all of a file
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
-        figures={"cases": figures},
+        figures={"cases": [case["figure"] for case in cases]},
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
-        cases=cases,
-        stacks=stacks,
+        cases=[{"file": of[number], "number": number, **case} for number, case in enumerate(cases)],
+        stacks=[stack for case in firsts for stack in case["stacks"]],
         arrows=ARROWS,
         inputs=_inputs(files),
         versions=(versions := made()).items(),
@@ -126,8 +124,11 @@ def _inputs(files: Sequence[Data]) -> list[dict[str, Any]]:
     return inputs
 
 
-def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
+def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[str, Any]:
+    """Return the data of one case of an assembly; `name` begins the identifiers of its pictures."""
+    bodies, contacts = parts_of(solution)
     assembly, unit = solution.assembly, solution.assembly.unit
+    pieces = scene_pieces(bodies, contacts=contacts, unit=unit)
     certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
         verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
@@ -135,18 +136,30 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     return {
         **{key: getattr(assembly, key) for key in ("name", "parts", "unit")},
         "usable": solution.usable,
+        "status": solution.status.name,
         "verdict": verdict,
-        "picture": picture,
-        "moved": solution.status.found,
-        "amount": texts.amount_text(texts.seen_amount(solution), unit),
+        "figure": assembly_scene(solution, contacts, pieces),
+        "picture": picture_of(pieces, name),
+        "stacks": stack_reports(assembly, f"{name}-stack"),
+        "moved": solution.status.found and any(map(any, texts.values_by_part(solution).values())),
+        "outside": solution.status.name == "OUTSIDE_FIT",
+        "barred": "does not fit",
+        "outcome": texts.outcome_text(solution),
+        "motion": motion if (motion := texts.motion_text(solution)) != "-" else "none",
+        "amount": texts.seen_amount(solution) if solution.status.found else None,
+        "amount_unit": unit,
+        "pair_state": "all met" if solution.usable else "",
+        "beyond": beyond_stack(assembly),
+        "total": texts.amount_text(texts.seen_amount(solution), unit),
         "bound": texts.bound_line(solution),
         "passed": certificate.passed if certificate is not None and solution.status.found else None,
         "told": lines,
         "asked": texts.asked_text(assembly),
+        "wanted": "",
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
         "contacts": [
-            (f"{pair.one} - {pair.two}", texts.goal_text(own.problem), _touching(own), own.pair_state or "-")
+            (f"{pair.one} - {pair.two}", texts.goal_text(own.problem), _touching(own), gap_state(own))
             for pair, own in solved
         ],
         "stages": solution.stages,
@@ -154,10 +167,19 @@ def _assembly_case(solution: AssemblySolution, picture: Data) -> dict[str, Any]:
     }
 
 
+def gap_state(solution: Solution) -> str:
+    """Return how a contact is: "touching", "apart 0.15 mm, at least 0.01 mm required", "overlapping 0.2 mm"."""
+    problem, state = solution.problem, solution.pair_state
+    off = state not in ("", "touching") and np.isfinite(solution.pair_gap)
+    text = f"{state} {length_text(problem, abs(solution.pair_gap))}" if off else state or "-"
+    return f"{text}, at least {length_text(problem, problem.clearance)} required" if problem.clearance else text
+
+
 def _touching(solution: Solution) -> str:
     """Return what touches, in words; of the solution's own bodies, which may be exact at points of round faces."""
     one, two = solution.problem.movable, solution.problem.static
-    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in solution.features)
+    features = with_whole_faces(solution.problem, solution.features, solution.transform)
+    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
 
 

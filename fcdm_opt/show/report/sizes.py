@@ -7,17 +7,27 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.show.stacks import BEYOND, another_decides, contributions_of, gap_per_unit, noise_of, stack_notes
+from fcdm_opt.show import inline_svg
+from fcdm_opt.show.stacks import (
+    BEYOND,
+    another_decides,
+    contributions_of,
+    gap_figure,
+    gap_per_unit,
+    noise_of,
+    stack_notes,
+)
 from fcdm_opt.show.texts import NONE, listed, number, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
-DRAWS = 100_000  # pairs of parts drawn where root sum square does not hold
+DRAWS = 100_000  # pairs of parts drawn
 FEW, MOST = 4, 8  # stack-ups of an assembly that are told one by one, and contacts that are looked at for them
 SQUARED, SHARED = "Root sum square, ± 3 sigma", "99.73 % of pairs drawn"
 PLACES = 6
@@ -63,19 +73,25 @@ def _moved(size: Size) -> str:
     return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
 
 
-def stack_reports(assembly: Assembly) -> list[dict[str, Any]]:
+def beyond_stack(scene: Scene) -> str:
+    """Return which sizes made are outside of the tolerances that the stack-up is computed of; "" where none is."""
+    return "".join(f"{text}; the stack-up holds within the tolerances" for text in beyond_tolerances(scene))
+
+
+def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
     """Return the stack-up of each contact that sizes open, where there are few, or why there is none."""
     contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
-    each = [stack_report(assembly, of=(own.one, own.two)) or {} for own in contacts]
+    numbered = enumerate(contacts, 1)
+    each = [stack_report(assembly, of=(own.one, own.two), name=f"{name}-{k}") or {} for k, own in numbered]
     opened = [own for own in each if any(share["worst"] for share in own.get("shares", ()))]
-    return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly)])]
+    return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly, name=name)])]
 
 
-def stack_report(scene: Scene, *, of: tuple[str, str] | None = None) -> dict[str, Any] | None:
+def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str = "stack") -> dict[str, Any] | None:
     """Return what the gap at rest depends on, or why that is not told; None of a scene without sizes.
 
     Of an assembly it is the gap of two parts, see `stack_up`. Where root sum square goes beyond the worst case its
-    limits are those of pairs drawn.
+    limits are those of pairs drawn. `name` begins the identifiers of its chart.
     """
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.judge.certificate import verify
@@ -89,8 +105,9 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None) -> dict[str
             noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
             gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
             shares, notes, what = contributions_of(found), [*stack_notes(found), *found.known_to], SQUARED
+            drawn = found.yield_(DRAWS)
             if any(beyond := [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]):
-                what, drawn = SHARED, found.yield_(DRAWS)
+                what = SHARED
                 ends = [0.0 if abs(x) <= noise else x for x in (drawn.low, drawn.high)]
                 beyond = [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]
             notes += filter(None, [another_decides(spread) * (what == SQUARED), BEYOND * any(beyond)])
@@ -103,7 +120,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None) -> dict[str
         return {"unit": scene.unit, "notes": [f"no stack-up: {why}"]}
     if found.known_to:
         low, high = signed(worst.least_low), measured(signed(worst.largest_high), scene.unit)
-        notes.append(f"worst cases of the true round parts are from {low} to {high}")
+        notes.append(f"worst cases of the true parts are from {low} to {high}")
     return {
         "unit": scene.unit,
         "of": " and ".join(of or ()),
@@ -113,6 +130,8 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None) -> dict[str
             for what, gap, at in zip(("least", "largest"), gaps, (worst.at_least, worst.at_largest), strict=True)
         ],
         "spread": {"what": what, "ends": ends},
+        "yield": {"limits": drawn.limits_text, "share": f"{drawn.share:.2%}", "of": f"of {drawn.count:,} pairs drawn"},
+        "chart": inline_svg(gap_figure(found, drawn), name),
         "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
                            "worst": own.worst, "variance": own.variance}) for own in shares],

@@ -281,7 +281,7 @@ function featureTraces(frame, colours, plane) {
     const whole = placed(shape.points, shape.body, frame), text = plain(shape.name), name = `feature ${text}`;
     const drawn = { triangles: shape.triangles ?? [], edges: shape.kind === "E" ? [[0, 1]] : rim(shape.triangles ?? []) };
     const { points, triangles, edges: edge, marks, across } = plane && shape.kind !== "V" ? cutOpen(whole, drawn, plane, false)
-      : { points: whole, triangles: drawn.triangles, edges: drawn.edges };
+      : { points: whole.filter(p => !plane || dot(plane.facing, p) <= plane.level), triangles: drawn.triangles, edges: drawn.edges };
     const outline = shape.kind === "V" ? { mode: "markers", ...columns(points) } : { mode: "lines", ...lines(points, edge) };
     const traces = [{
       type: "scatter3d", name, hoverinfo: "text", text, ...outline,
