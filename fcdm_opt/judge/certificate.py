@@ -806,15 +806,15 @@ class _Judge:
             return []
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
-        left = off if self.problem.exact_at is None else 0.0  # of distances that facets tell
+        room = off if self.problem.exact_at is None else 0.0  # of distances that facets tell
         near = max(need, min(claimed, AS_FAR * off)) + self.limit
         gap = true_gap(bodies, problem.target, self.transform, near)
         note = "least gap of the faces that facets stand for, on points of these"
         found = [_at_least(TRUE_FACES, gap, need - self.limit, note)]
         if claimed > self.limit:
-            found.append(_at_least("true pair gap", gap, min(claimed, near) - left - self.limit, note))
+            found.append(_at_least("true pair gap", gap, min(claimed, near) - room - self.limit, note))
         if "touch" in (problem.goal, problem.pair):
-            found.append(_at_most("true faces touching", gap, left + self._play, note))
+            found.append(_at_most("true faces touching", gap, room + self._play, note))
         if (asked := problem.restoring) is not None:
             again = "round faces that touch as drawn touch again"
             found.append(_at_least("contacts restored", float(restores(asked, self.transform)), 1.0, again))

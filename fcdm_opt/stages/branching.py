@@ -263,13 +263,14 @@ def bounded(
         return answer, None
     known, upper = answer.q, _amount(task, answer)
     better: Answer | None = None
-    vain: list[Array] = []  # searched from without a gain
+    vain: list[Array] = []  # searched from without a gain: of many pairs, which take long, once
+    many = known is not None and task.part_pairs > FEW_PAIRS
 
     def search(q: Array) -> Array | None:
         nonlocal better
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
-        if any(np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
+        if any(many or np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
             return None
         found: Answer | None = None
         with suppress(pacing.TimeOverError):
