@@ -799,10 +799,11 @@ class _Judge:
 
     def true_faces(self) -> list[Check]:
         """Check that the faces that facets stand for are no nearer than is asked, nor than is claimed."""
-        # overlaps that are claimed are those of the target pair, see `pair`
+        # overlaps that are claimed are those of the target pair, see `pair`; what leaves the fit is no answer
         problem, claimed = self.problem.of_facets, self.solution.pair_gap
         bodies, others = (problem.movable, problem.static), [own.body for own in problem.keep_out]
-        if self.solution.pair_state == "overlapping" or not any(map(round_surfaces, (*bodies, *others))):
+        known = self.solution.pair_state == "overlapping" or self.solution.status is Status.OUTSIDE_FIT
+        if known or not any(map(round_surfaces, (*bodies, *others))):
             return []
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
