@@ -484,10 +484,14 @@ def _pair(
     """Return the rows of a pair that no row elsewhere outdoes in the box, those along directions alone if any."""
     pacing.check()
     found = [_face_rows(one, two), _face_rows(two, one, swapped=True), _edge_rows(one, two)]
+    if along is not None:
+        ends = (one.points @ along.T).argmax(axis=0), (two.points @ along.T).argmin(axis=0)
+        found.append((along, _heights(along, one, ends[0], two, ends[1]), *ends, np.full(len(along), 3)))
     normals, values, first, second, kinds = (np.concatenate(own) for own in zip(*found, strict=True))
     if not len(values):
         raise InputError("no feature of these parts can touch", key="sizes", found=parts)
-    if along is not None and (near := (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)).any():
+    if along is not None:
+        near = (normals @ along.T > 1.0 - DEFAULT.nominal).any(axis=1)
         normals, values, first, second, kinds = (own[near] for own in (normals, values, first, second, kinds))
     middle, half = _centred(box)
     lows, highs = _ends(values, box)
@@ -501,9 +505,8 @@ def _pair(
         if kinds[k] == 2:
             elements.append((("E", int(one.edge_names[i])), ("E", int(two.edge_names[j]))))
         else:
-            swapped = bool(kinds[k])
-            mine = one.supporting(i, normals[k]) if swapped else ("F", i)
-            elements.append((mine, ("F", j) if swapped else two.supporting(j, -normals[k])))
+            mine = one.supporting(i, normals[k]) if kinds[k] else ("F", i)
+            elements.append((mine, ("F", j) if kinds[k] == 1 else two.supporting(j, -normals[k])))
     return PairRows(parts, values[kept], normals[kept], elements)
 
 

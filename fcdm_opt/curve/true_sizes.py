@@ -314,19 +314,33 @@ class TrueSizes:
 
     def apart(self) -> list[tuple[int, int]]:
         """Return part pairs that are not looked at: of pieces that meet others."""
-        pieces, firsts = list[list[int | None]](), list[int]()
-        for body, points in zip(self.bodies, self.points, strict=True):
-            own = () if body.exact is None else body.exact.pieces
-            firsts.append(len(body.parts) - len(own))
-            at, near = [body.vertices[piece.first - 1] for piece in own], DEFAULT.tie * self.size
-            numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
-            pieces.append([firsts[-1] + found[0] if found else None for found in numbers])
-        meeting = {*zip(*pieces, strict=True)}
+        meeting = {*self._meeting_pieces()}
+        own = zip(self.bodies, self._piece_points, strict=True)
+        firsts = [len(body.parts) - len(points) for body, points in own]
         return [
             (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
             if (i >= firsts[0] or j >= firsts[1])
             and (i if i >= firsts[0] else None, j if j >= firsts[1] else None) not in meeting
         ]  # fmt: skip
+
+    def _meeting_pieces(self) -> list[tuple[int | None, ...]]:
+        """Return the parts that are pieces at each of the points, None where there is no room for one."""
+        pieces, near = list[list[int | None]](), DEFAULT.tie * self.size
+        for body, points, at in zip(self.bodies, self.points, self._piece_points, strict=True):
+            first = len(body.parts) - len(at)
+            numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
+            pieces.append([first + found[0] if found else None for found in numbers])
+        return list(zip(*pieces, strict=True))
+
+    def replaced(self, pose: Array, place: Array, gap: float, pairs: Sequence[tuple[int, int]]) -> bool:
+        """Replace points of these part pairs where true faces have a larger gap at sizes; tell whether any were."""
+        # along normals that have turned since, as where a ball has moved on a rim: those nearest now are taken
+        slack = DEFAULT.tie * self.size
+        kept = [own not in pairs for own in self._meeting_pieces()]
+        if all(kept) or self.nearest(pose, place, gap + slack):
+            return False
+        self.points = [own[kept] for own in self.points]
+        return self.refined(pose, [(place, gap + self.largest_move)])
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""

@@ -22,7 +22,7 @@ from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
-from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors
+from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors, round_surfaces
 from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
@@ -40,7 +40,17 @@ from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import MOST_TURNED, TRACKING, Problem
-from fcdm_opt.problem.solution import IN_TIME, UNCLAIMED, Bounded, Certificate, Check, Solution, Status, kept_clear
+from fcdm_opt.problem.solution import (
+    IN_TIME,
+    TRUE_FACES,
+    UNCLAIMED,
+    Bounded,
+    Certificate,
+    Check,
+    Solution,
+    Status,
+    kept_clear,
+)
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 Judged = TypeVar("Judged", bound=Bounded)
@@ -435,6 +445,14 @@ def solids_gap(movable: Body, static: Body, rho: Array, transform: Array, limit:
     return min(gap, outside.distance) if outside.distance > limit else gap
 
 
+def true_gap(bodies: Sequence[Body], scales: Sequence[float] | Array, transform: Array, near: float) -> float:
+    """Return the gap of two bodies on their true faces; infinite where it is more than `near`, or all are plane."""
+    if not any(map(round_surfaces, bodies)):
+        return inf
+    band = near + 2.0 * sum(max(deviation_of(body)) * scale for body, scale in zip(bodies, scales, strict=True))
+    return gap_of_true_faces([*map(true_faces, bodies)], scales, transform, band)
+
+
 def keep_out_check(
     keep_out: KeepOut, movable: Body, own: float, transform: Array, limit: float, tolerances: Tolerances
 ) -> Check:
@@ -780,29 +798,32 @@ class _Judge:
         return checks
 
     def true_faces(self) -> list[Check]:
-        """Check that round faces, of which the parts are exact at some points alone, are no nearer than is asked."""
-        if self.problem.exact_at is None:
+        """Check that the faces that facets stand for are no nearer than is asked, nor than is claimed."""
+        # overlaps that are claimed are those of the target pair, see `pair`; what leaves the fit is no answer
+        problem, claimed = self.problem.of_facets, self.solution.pair_gap
+        bodies, others = (problem.movable, problem.static), [own.body for own in problem.keep_out]
+        known = self.solution.pair_state == "overlapping" or self.solution.status is Status.OUTSIDE_FIT
+        if known or not any(map(round_surfaces, (*bodies, *others))):
             return []
-        problem = self.problem.of_facets
         need = problem.clearance if "clear" in (problem.goal, problem.pair) else 0.0
-        bodies = problem.movable, problem.static
         off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, problem.target.tolist(), strict=True))
-        claimed = self.solution.pair_gap
-        band = max(need, min(claimed, AS_FAR * off)) + self.limit + 2.0 * off
-        gap = gap_of_true_faces([*map(true_faces, bodies)], problem.target, self.transform, band)
+        room = off if self.problem.exact_at is None else 0.0  # of distances that facets tell
+        near = max(need, min(claimed, AS_FAR * off)) + self.limit
+        gap = true_gap(bodies, problem.target, self.transform, near)
         note = "least gap of the faces that facets stand for, on points of these"
-        found = [_at_least("true faces", gap, need - self.limit, note)]
+        found = [_at_least(TRUE_FACES, gap, need - self.limit, note)]
         if claimed > self.limit:
-            found.append(_at_least("true pair gap", gap, min(claimed, band) - self.limit, note))
+            found.append(_at_least("true pair gap", gap, min(claimed, near) - room - self.limit, note))
         if "touch" in (problem.goal, problem.pair):
-            found.append(_at_most("true faces touching", gap, self.limit, note))
+            found.append(_at_most("true faces touching", gap, room + self._play, note))
         if (asked := problem.restoring) is not None:
             again = "round faces that touch as drawn touch again"
             found.append(_at_least("contacts restored", float(restores(asked, self.transform)), 1.0, again))
         for keep_out in problem.keep_out:
-            faces, need = [true_faces(problem.movable), true_faces(keep_out.body)], keep_out.clearance
-            scales = problem.target[0], keep_out.ends[0]
-            gap = gap_of_true_faces(faces, scales, self.transform, need + self.limit + 2.0 * off)
+            bodies, need = (problem.movable, keep_out.body), keep_out.clearance
+            scales = np.unique(np.linspace(*keep_out.ends, self.tolerances.scale_points)).tolist()
+            pairs = [(float(problem.target[0]), scale) for scale in scales]
+            gap = min(true_gap(bodies, own, self.transform, need + self.limit) for own in pairs)
             found.append(_at_least(f"true faces, keep-out '{keep_out.name}'", gap, need - self.limit, note))
         return found
 

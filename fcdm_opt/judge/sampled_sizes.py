@@ -25,7 +25,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.judge.certificate import _at_most, solids_gap
+from fcdm_opt.judge.certificate import _at_most, solids_gap, true_gap
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -249,9 +249,7 @@ class MotionClaims:
         """Return the gap of two bodies made; infinite of true faces that are further apart than any answer has them."""
         if not (self.on_true_faces and any(map(round_surfaces, bodies))):
             return solids_gap(*bodies, rho, T, problem.contact_slack)
-        off = sum(max(deviation_of(own)) * scale for own, scale in zip(bodies, rho.tolist(), strict=True))
-        band = problem.clearance + problem.contact_slack + 2.0 * (off + displaced)
-        return gap_of_true_faces([*map(true_faces, bodies)], rho, T, band)
+        return true_gap(bodies, rho, T, problem.clearance + problem.contact_slack + 2.0 * displaced)
 
 
 def made_at(bodies: tuple[Body, Body], sizes: Sequence[Size], place: Array) -> tuple[tuple[Body, Body], Array]:

@@ -99,6 +99,7 @@ UNTIMED = "No motion found by then, and none proved impossible: allow more time.
 UNFIT = "Choose a smaller tolerance, or other sizes."
 UNJUDGED = "A motion was found, but was not judged in the time given: allow more time; do not use it."
 IN_TIME = "judged in time"  # name of the one check of what the time given did not do for judging
+TRUE_FACES = "true faces"  # name of the check that those which facets stand for do not overlap
 
 ENDS = ("amount_low", "amount_high")  # what facets of round faces leave open of the amount
 

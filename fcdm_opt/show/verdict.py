@@ -16,6 +16,7 @@ from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.tolerances import DEFAULT
@@ -74,7 +75,12 @@ def _refused_text(solution: Solution) -> str:
         return more or f"does not fit: the only motion found {where}" + f"; {barred}" * bool(barred)
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
-    return f"{solution.stopped}: no motion found by then" if solution.stopped else REFUSED[solution.status.name]
+    if solution.stopped:
+        return f"{solution.stopped}: no motion found by then"
+    failed = solution.certificate.failed if solution.certificate else ()
+    overlap = max((-check.value for check in failed if check.name == TRUE_FACES), default=0.0)
+    why = f": true faces, which facets stand for, overlap by {length_text(problem, overlap)}" * (overlap > 0.0)
+    return f"{REFUSED[solution.status.name]}{why}"
 
 
 def _solved(scene: Scene, **changes: Any) -> Any:

@@ -117,10 +117,10 @@ def proved(
         return answer, None
     if answer.q is not None and not answer.q.any():
         return answer, None
+    few = np.count_nonzero(task.limits.any(axis=1)) <= MOST_PARAMETERS  # that a flush contact does not hold
     if answer.q is not None and _closed(task, answer, FINE_GAP):
-        few = len(task.weights) <= MOST_PARAMETERS
-        few = few or tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
-        if share < 1.0 or not few:  # cells would show less than the stage has proved, at a high price
+        soon = tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
+        if share < 1.0 or not (few or soon):  # cells would show less than the stage has proved, at a high price
             return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
     checked = share == 1.0
@@ -133,7 +133,7 @@ def proved(
             return answer, None
     if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
         answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
-    if len(task.weights) <= MOST_PARAMETERS:
+    if few:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
         close, most = (CONFIRMING, PROVING) if gap < SHOWN_GAP else (SOON, CONFIRMING)
         aims = [*([(CONFIRMED_GAP, close)] if fine else []), (gap, most)]
@@ -263,13 +263,14 @@ def bounded(
         return answer, None
     known, upper = answer.q, _amount(task, answer)
     better: Answer | None = None
-    vain: list[Array] = []  # searched from without a gain
+    vain: list[Array] = []  # searched from without a gain: of many pairs, which take long, once
+    many = known is not None and task.part_pairs > FEW_PAIRS
 
     def search(q: Array) -> Array | None:
         nonlocal better
         if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
             return None  # the bound is held back by the motion known
-        if any(np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
+        if any(many or np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
             return None
         found: Answer | None = None
         with suppress(pacing.TimeOverError):

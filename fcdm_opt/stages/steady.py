@@ -224,7 +224,23 @@ def _soonest(pairs, partner, until):
 @light
 @kernel
 def first(
-    way, ones, twos, offset, needs, pairs, partner, touch, limit, floor, finest, most, fine, slack, work, until, now,
+    way,
+    ones,
+    twos,
+    offset,
+    needs,
+    pairs,
+    partner,
+    touch,
+    limit,
+    floor,
+    finest,
+    most,
+    fine,
+    slack,
+    work,
+    until,
+    now,
     state,
 ):
     """Go on to the first motion that does, see `rays.FirstContact`; return whether that is done.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -410,3 +411,24 @@ def test_boxes_fill_what_they_span_unless_one_is_moved_left_out_or_doubled():
     moved[7, 1, 0] += 1e-9
     for wrong in (moved, np.delete(made, 7, axis=0), np.concatenate([made, made[7:8]])):
         assert not filled_box(wrong)[1]
+
+
+@pytest.mark.parametrize(
+    ("file", "case", "amount"),
+    [
+        ("lid", "B flush on the rim", 0.08),
+        ("bracket", "A flush above the ribs", 0.12),
+        ("bracket", "D flush beside the rib", math.hypot(15 * 0.99 - 14 + math.sqrt(0.5**2 - 0.44**2), 0.12)),
+    ],
+)
+def test_flush_contacts_that_hold_a_turn_had_a_bound_without_evidence(file: str, case: str, amount: float) -> None:
+    """What a flush contact does not hold is a parameter or two: cells of these are looked at."""
+    problem = next(own for own in fo.load_problems(PROBLEMS / f"{file}.toml") if own.name == case)
+    solution = fo.solve(problem)
+    assert solution.lower_bound == pytest.approx(amount, rel=1e-6)
+    assert fo.verify(solution, proof=True).passed
+    kept = fo.solve(problem, certify=True)
+    assert kept.evidence is not None
+    assert amount * (1.0 - 1e-4) <= kept.lower_bound <= amount * (1.0 + 1e-9)
+    assert fo.verify(kept, proof=True).passed
+    assert "lower bound" in failed(kept.problem, kept.evidence, 1.001 * amount)

@@ -744,6 +744,20 @@ def test_the_best_pose_of_a_pin_along_two_axes_was_that_of_facets() -> None:
     assert found.lower_bound <= 0.02
 
 
+def test_a_ball_on_the_rim_of_a_hole_had_gaps_along_facets() -> None:
+    """Its centre h above a rim of radius 6, its gap is sqrt(h h + 36) - r: the same either way for the middle r."""
+    hole = fo.cut(plate(6.0), fo.Box((50, 50, 20), centre=(0, 0, 20)), name="hole")  # its rim is 10 high
+    size = fo.Size("ball", "movable", faces=["sphere radius 10"], each=1.0, tolerance=(0.0, 0.5))
+    ball = fo.Sphere(10.0, centre=(0, 0, 18.0), facets=12, name="ball")
+    problem = asked(ball, hole, Z, sizes=[size], made={}, limits={"T": (-2, 2)}, target=None)
+    stack = fo.stack_up(problem)
+    assert stack.gap(np.array([[0.0], [0.5]])) == pytest.approx([0.0, -0.5], abs=1e-9)
+    found = fo.best_pose(problem)
+    assert found.passed
+    assert found.parameters["T"] == pytest.approx(math.sqrt(10.25**2 - 36.0) - 8.0, abs=1e-6)
+    assert [found.least.gap, found.most.gap] == pytest.approx([-0.25, 0.25], abs=1e-6)
+
+
 @cache
 def pegs() -> tuple[fo.Body, fo.Body]:
     """Two pegs in two bores, line to line, 60 apart."""

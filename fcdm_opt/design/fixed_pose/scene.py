@@ -310,7 +310,7 @@ class OwnSizes(SizedBodies):
         ranges = around if self.places is None else self.places - transform[:3, 3:]
         found = TouchingSizes.of(
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
-            without={*self.permanent, *self.apart},
+            without={*self.permanent, *self.apart}, normals=normals_met((self.movable, self.static), transform),
         )  # fmt: skip
         if self._true is not None:
             found = self._true.all_around(found, transform, np.eye(3))
@@ -408,7 +408,10 @@ def true_extremes(
     others = [at for place, _ in ends for at in true.shifted(place)] if own else []
     gaps = rows.gaps(np.array(others)).tolist() if others else []
     refined = true.refined(transform, [*ends, *zip(others, gaps, strict=True)])
-    found = zip(extremes[:2], true.deepest[:2], strict=True)
+    found = list(zip(extremes[:2], true.deepest[:2], strict=True))
+    for place, gap in ends if own and not refined else ():
+        low = rows.of_pairs(place[None])[:, 0] <= gap + DEFAULT.tie * true.size
+        refined |= true.replaced(transform, place, gap, [*map(tuple, rows.pairs[low].tolist())])
     least, most = (end._replace(gap=deep[0], way=frozen(deep[1])) if deep else end for end, deep in found)
     if last and not (own or refined):
         least, most = (_of_slid(true, transform, end, rows) for end in (least, most))
