@@ -256,7 +256,7 @@ BODIES = ("movable", "static", "motion", "parts", "contacts", "motions", "follow
 def _of_bodies(kind: Callable[..., Any], file: Path, **asked: Any) -> Any:
     """Return a question about the bodies of a file and their sizes, where these are not refused; says why they are."""
     kept = {key: asked[key] for key in BODIES if key in asked}
-    kept |= {"goal": "touch", "target": (1.0, 1.0)} if "movable" in kept else {}
+    kept |= {"goal": "touch", "target": (1.0, 1.0), "contacts": None} if "movable" in kept else {}
     try:
         return kind(**kept, sizes=asked.get("sizes", ()))
     except InputError as reason:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from operator import itemgetter
 from types import MappingProxyType
@@ -261,6 +261,23 @@ class ContactGaps:
                 claim = replace(claim, permanent_faces=frozenset(product(one, two)) - met[feature])
             name = self.words(k, feature) if len(self.contacts) > 1 else ""
             found.append(replace(claim, least=least, largest=largest, told=gaps.gaps, contact=contact, name=name))
+        return found
+
+    @cached_property
+    def of_solids(self) -> list[Problem]:
+        """The relations of solids with flat faces, whose overlap anywhere is told by their convex parts."""
+        flat = (own for own in self.relations if self._pairs_met(own) is None)
+        return [own for own in flat if not any(body.is_surface for body in (own.movable, own.static))]
+
+    def whole_claims(self, claims: Sequence[GapClaims]) -> list[GapClaims]:
+        """Return that the bodies of contacts, whose claims are given, overlap nowhere deeper than these."""
+        found = list[GapClaims]()
+        for relation, columns in zip(self.relations, self.columns, strict=True):
+            mine = [own for (k, _), own in zip(self.contacts, claims, strict=True) if self.relations[k] is relation]
+            if mine and any(own is relation for own in self.of_solids):
+                least = min(0.0, *(own.least[0] for own in mine if own.least))
+                whole = self.claim(relation, columns, mine[0].transform)
+                found.append(replace(whole, keep_out=[(whole.bodies[1], least)]))
         return found
 
     def _parts(self, own: _Line) -> tuple[int, int]:

@@ -362,7 +362,12 @@ def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) 
     over = [bool(((x.max(axis=0) > lows) & (x.min(axis=0) < highs)).all()) for x in theirs]
     off = -np.sign(moved) * (levels[across] - levels[own[0]])
     known = np.array(over, bool) & (off > DEFAULT.nominal * body.size)
-    return across[known & (off <= off[known].min(initial=np.inf) + DEFAULT.nominal * body.size)]
+    near = known & (off <= off[known].min(initial=np.inf) + DEFAULT.nominal * body.size)
+    ends = [np.array([np.maximum(x.min(axis=0), lows), np.minimum(x.max(axis=0), highs)]) for x in theirs]
+    hidden = [
+        any(((a[0] >= b[0]) & (a[1] <= b[1])).all() for b, at in zip(ends, near, strict=True) if at) for a in ends
+    ]
+    return across[known & (near | ~np.array(hidden, bool))]  # those behind them that show beside them, too
 
 
 def _surrounded(body: Body, own: Ints, others: Ints) -> bool:

@@ -87,7 +87,8 @@ class GapClaims:
         found = [] if self.least is None else self._of_gap(ends, others, slack)
         for body, clearance in self.keep_out:
             short = max(clearance - self._apart(place, body) for place in (*ends, *others))
-            found.append(_at_most(f"keep-out '{body.name}'", short, slack, "how much too near, at the same sizes"))
+            kept = "clear of" if body is self.bodies[1] else "keep-out"
+            found.append(_at_most(f"{kept} '{body.name}'", short, slack, "how much too near, at the same sizes"))
         found += [] if self.share is None else [_share(self.share)]
         named = [check._replace(name=f"{self.name}: {check.name}") for check in found] if self.name else found
         return (*named, *self.others, *(check for own in self.beside for check in own.checks()))

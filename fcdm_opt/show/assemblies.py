@@ -93,8 +93,10 @@ def assembly_verdict(solution: AssemblySolution) -> str:
         barred = barring(assembly)
         return f"{solution.explained} {barred[:1].upper()}{barred[1:]}." if barred else solution.explained
     if solution.status.name == "OUTSIDE_FIT":
+        from fcdm_opt.problem.fit import verdict
+
         what = "does not fit: the only motions found take a part out of the place it is drawn in"
-        return "; ".join(filter(None, (what, barring(assembly))))
+        return "; ".join(filter(None, (verdict(assembly) or what, barring(assembly))))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     done, goals = assembly_instruction(solution), {pair.asked.get("goal") for pair in assembly.contacts}

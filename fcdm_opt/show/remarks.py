@@ -137,7 +137,10 @@ def _contacts(solution: Solution) -> list[str]:
         if within:
             told.append(GoodNews(f"no other motion{box} closes {what}: proved"))
         elif _leaves_freedom(problem):
-            told.append(f"other motions close {what} too" + ": this is the smallest" * (solution.gap < CLOSED))
+            least = solution.gap < CLOSED
+            told.append(
+                (GoodNews if least else str)(f"other motions close {what} too" + ": this is the smallest" * least)
+            )
         else:
             told.append(f"whether another motion closes {what} too is not known")
     return told

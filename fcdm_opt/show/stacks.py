@@ -148,11 +148,19 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     if share is not None:
         rows += [
             ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean)}"),
-            ("99.73 % of pairs drawn, largest gap", share.high, f"sigma {share.deviation:.4g}"),
+            (
+                "99.73 % of pairs drawn, largest gap",
+                share.high,
+                f"sigma {signed(share.deviation, least=noise).lstrip('+')}",
+            ),
         ]
     one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
     rows += [
-        (f"{one}, mean - 3 sigma", spread.low, f"mean {signed(spread.mean)}, sigma {spread.deviation:.4g}"),
+        (
+            f"{one}, mean - 3 sigma",
+            spread.low,
+            f"mean {signed(spread.mean)}, sigma {signed(spread.deviation, least=noise).lstrip('+')}",
+        ),
         (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]

@@ -709,3 +709,27 @@ def test_the_window_of_goal_clear_is_its_clearance_and_needs_no_limits() -> None
     assert (tight.status, tight.violation) == ("undecided", pytest.approx(0.24 + 0.05))
     assert "that takes limits" in str(tight)
     assert fo.best_pose(asked, box=box, clearance="middle").window == (0.0, 0.0)
+
+
+def _posts() -> fo.Assembly:
+    """Return a pallet on a floor between two posts, .1 wider on either side, of which the right one may be .2 off."""
+    floor, left, right = (-40, 40, -5, 0), (-28, -20, 0, 8), (20, 28, 0, 8)
+    walls = [list(product(own[:2], (-10, 10), own[2:])) for own in (floor, left, right)]
+    base = fo.Body.from_parts(walls, name="base")
+    pallet = fo.Body.convex(list(product((-19.9, 19.9), (-10, 10), (0, 6))), name="pallet")
+    post = fo.Size("post", "base", faces=[{"through": (20, 0, 4)}, {"through": (28, 0, 4)}], along="x", tolerance=0.2)
+    motions = {"pallet": fo.Translation("x") >> fo.Translation("z")}
+    return fo.Assembly({"base": base, "pallet": pallet}, motions=motions, contacts=[("pallet", "base")], sizes=[post])
+
+
+def test_a_pose_went_through_walls_that_are_no_contacts_of_its_parts() -> None:
+    pose = fo.best_pose(_posts(), clearance=(0.0, np.inf))
+    assert pose.parameters == pytest.approx({"pallet.TX": -0.1, "pallet.TZ": 0.0}, abs=1e-9)
+    assert all(check.passed for check in pose.checks)
+
+
+def test_a_pose_whose_parts_overlap_beyond_its_contacts_was_verified() -> None:
+    pose = fo.best_pose(_posts(), clearance="middle")
+    assert pose.worst_gap == pytest.approx(0.0, abs=1e-9)
+    failed = {check.name: check.value for check in pose.checks if not check.passed}
+    assert failed == pytest.approx({"clear of 'base'": 0.1}, abs=1e-9)

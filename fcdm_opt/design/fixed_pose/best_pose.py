@@ -18,7 +18,7 @@ from fcdm_opt.design.fixed_pose.clearances import EndOfRange, gaps_text
 from fcdm_opt.design.fixed_pose.local_search import Found, better, found_at, least_moved, smaller, stepped
 from fcdm_opt.design.fixed_pose.proof import PoseEvidence, check_proof
 from fcdm_opt.design.fixed_pose.scene import OwnSizes, true_extremes, true_sizes
-from fcdm_opt.design.fixed_pose.worst import Worst, WorstContacts, domain, obstacles
+from fcdm_opt.design.fixed_pose.worst import WIDE, Worst, WorstContacts, domain, obstacles
 from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted, worst_sizes
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -42,7 +42,6 @@ ONLY_CLEAR = "clearance=(0, math.inf)"  # how one without interference is asked 
 MIDDLE = f"it makes the worst gap smallest, of either kind; {ONLY_CLEAR} asks for one without interference"
 LEAST = "middle"  # in place of a window
 EFFORT = 20_000  # cells: a second or two for two parameters
-WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -39,7 +39,7 @@ def better(worst: Worst, q: Array) -> Found:
     natural, size = worst.natural, worst.scene.size
     here, trust, far = found_at(worst, q), np.inf if worst.is_program else NEAR * size, 0.0
     for _ in range(STEPS):
-        if here.off.value <= 0.0 or trust < END * size:
+        if here.off.value <= END * size or trust < END * size:
             break  # inside a window, or at a gap of nothing for all sizes
         values, slopes, kept = worst.linear(here.q, far)
         if not here.off.clear:

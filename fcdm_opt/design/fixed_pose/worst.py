@@ -24,6 +24,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.tolerances import DEFAULT
 
+WIDE = 4.0  # sizes of the bodies: no gap of parts that hold each other is as large
 FAR = 1e3  # sizes of the bodies: more than gaps are off at any pose looked at
 POSES = 3  # at which contacts are looked at that stay closed wherever the motion leads
 NEAR_REST = 1e-4  # of the size: how far these are from rest, less than parts have of play
@@ -227,8 +228,11 @@ class WorstContacts(Worst):
     def asked(cls, question: Scene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
-        kept = [*_kept_clear(question, sizes, names, own=own)]
         gaps = ContactGaps(question, sizes, names, own=own)
+        # in a window no part of bodies that have a contact may be nearer than its least gap
+        windowed = (low, high) != (0.0, 0.0) and -np.inf < low < WIDE * question.size
+        whole = gaps.of_solids if windowed else ()
+        kept = [*_kept_clear(question, sizes, names, own=own, whole=whole, least=low)]
         columns = tuple(whose for _, whose in kept)
         return cls(question, gaps, low, high, keep_out=tuple(worst for worst, _ in kept), columns=columns)
 
@@ -236,6 +240,7 @@ class WorstContacts(Worst):
         """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed."""
         gaps = self.scene
         first, *others = gaps.claims(gaps.transforms(q))
+        others += gaps.whole_claims([first, *others])
         for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
             claim = gaps.claim(kept.problem, columns, kept.transform(q))
             others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
@@ -295,19 +300,26 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
 
 
 def _kept_clear(
-    question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
-) -> Iterator[tuple[Worst, list[int]]]:
-    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
+    question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None,
+    whole: Sequence[Problem] = (), least: float = 0.0,
+) -> Iterator[tuple[Worst, list[int]]]:  # fmt: skip
+    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes.
+
+    So are the bodies of `whole` questions, which have contacts, by the `least` gap.
+    """
+    partners = {id(relation): least for relation in whole}
     asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]
     if isinstance(question, Assembly):
         every = question.questions  # the two parts of a contact may be asked about keep-outs the other way round
         clear = {own: it for own, it in every.items() if it.goal == "clear" and own[::-1] not in every}
+        partners |= {id(relation): relation.clearance for relation in clear.values()}
         asked += [(pair, relation, True) for pair, relation in clear.items()]
+    asked += [(pair, own, True) for pair, own in relations_of(question).items() if any(own is one for one in whole)]
     for pair, relation, partner in asked:
         whose = columns_of(pair, relation, names, own=own)
         drawn = relation.request if own else vars(relation)
         one, two = drawn["movable"], drawn["static"]
-        others = [(two, relation.clearance, two if two.is_surface else None)] if partner else obstacles(relation)
+        others = [(two, partners[id(relation)], two if two.is_surface else None)] if partner else obstacles(relation)
         mine = tuple(size for size in relation.sizes if own and (partner or size.body == "movable"))
         box, listed = np.ones((2, 2)) if own else sizes.box[whose], None if own else sizes.pairs
         if not partner:  # whose own scales its obstacles have
