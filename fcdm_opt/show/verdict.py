@@ -290,8 +290,8 @@ def _sliding_contact(solution: Solution) -> str:
         if np.abs(moved @ normal).max() > DEFAULT.nominal * np.abs(moved).max():
             return ""
     return (
-        "this motion only slides the parts on each other, whatever else is near: how far it may is asked with range, or "
-        "pose; to restore a contact ahead too, draw parts touching there too and ask with goal 'at'"
+        "this motion only slides the parts on each other, whatever else is near: range and pose tell the play there; "
+        "to restore a contact ahead too, draw parts touching there too and ask with goal 'at'"
     )
 
 
