@@ -180,12 +180,14 @@ class Size(Plain):
         own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
         if len(own) and not len(also):
             across = _opposite(body, own, across, levels, float(moved[own[0]]))
+        several = not len(also) and len(across) > 0 and np.ptp(levels[across]) > DEFAULT.nominal * body.size
         for others in (also,) if len(also) else (across, np.setdiff1d(ahead, rows)):  # these stay: a width, or a step
             one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
             if one_plane and len(own) + len(also) == len(rows):
                 width = levels[own[0]] - levels[others[0]]
                 rate, length = float(np.sign(width) * (moved[own[0]] + moved[others[0]])), abs(float(width))
-                if rate not in grown or (length < grown[rate] and _surrounded(body, own, others)):
+                first = rate not in grown and not several
+                if first or (length < grown.get(rate, np.inf) and _surrounded(body, own, others)):
                     grown[rate] = length
         return next((length for rate, length in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
 

@@ -334,6 +334,16 @@ def test_faces_of_an_assembly_were_not_listed(tmp_path: Path) -> None:
     assert (code, "body 'left wedge'\n" in told, (tmp_path / "loop-faces.png").exists()) == (0, True, True)
 
 
+def test_faces_of_a_file_whose_contacts_are_restored_were_refused(tmp_path: Path) -> None:
+    mesh = (PROBLEMS / "meshes").as_posix()
+    bodies = "".join(f'[bodies.{role}]\nfile = "{mesh}/square_{name}.stl"\nunit = "mm"\nseed = "box"\n\n'
+                     for role, name in (("movable", "peg"), ("static", "plate")))  # fmt: skip
+    asked = '[defaults]\ngoal = "seat"\ncontacts = "all"\nmotion = { translation = "x" }\n\n[[case]]\nname = "A"\n'
+    (path := tmp_path / "mine.toml").write_text(bodies + asked + 'requirement = "A"\ntolerance = 0.01\n')
+    code, told, said = run("faces", path)
+    assert (code, "body 'square_peg'" in told, said) == (0, True, "")
+
+
 @pytest.mark.slow
 def test_pictures_of_a_stack_up_that_the_judge_refused_did_not_say_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -817,3 +817,13 @@ def test_letters_of_a_fit_say_what_to_write(letters: str) -> None:
         fo.FcdmError, match=r"letters of a fit .* at 20 mm \[0.0, 0.021\] of H7, \[-0.020, -0.007\] of g6"
     ):
         fo.Size("bore", "static", faces="bore radius 10", each=-0.5, tolerance=letters)
+
+
+def test_a_face_with_two_walls_opposite_was_measured_to_the_nearer_one() -> None:
+    """A channel of 30: of the face x = 30 the wall of 5 is as much its size as the whole length is."""
+    feet = (0, 30, 0, 10, 0, 5), (0, 5, 0, 10, 5, 15), (25, 30, 0, 10, 5, 15)
+    channel = fo.Body.from_parts([list(product(own[:2], own[2:4], own[4:])) for own in feet])
+    face = {"through": (30, 5, 7)}
+    assert np.isnan(fo.Size("place", "movable", faces=[face], tolerance=0.1).drawn(channel))
+    block = fo.Body.convex(list(product((0, 30), (0, 10), (0, 5))))
+    assert fo.Size("length", "movable", faces=["+x"], tolerance=0.1).drawn(block) == pytest.approx(30.0, abs=1e-12)

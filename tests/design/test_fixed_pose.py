@@ -32,6 +32,7 @@ from fcdm_opt.design.sizes import worst_sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.proof.checker import filled_box
+from fcdm_opt.show.assemblies import assembly_verdict
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 ACCURACY = 1e-4
@@ -733,3 +734,10 @@ def test_a_pose_whose_parts_overlap_beyond_its_contacts_was_verified() -> None:
     assert pose.worst_gap == pytest.approx(0.0, abs=1e-9)
     failed = {check.name: check.value for check in pose.checks if not check.passed}
     assert failed == pytest.approx({"clear of 'base'": 0.1}, abs=1e-9)
+
+
+def test_an_assembly_that_does_not_fit_says_which_widths() -> None:
+    """The pallet is 39.8 wide, between posts that are 40 apart less .25."""
+    solution = fo.solve(_posts().changed(made={"post": -0.25}))
+    assert solution.status is fo.Status.OUTSIDE_FIT
+    assert assembly_verdict(solution).startswith("does not fit: pallet 39.800 in base 39.750, between face")
