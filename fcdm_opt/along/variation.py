@@ -174,10 +174,9 @@ class Layout:
             own = sorted(set.intersection(*(set(around.get(label, ())) for label in labels)))
         planes = normals[own]
         shifts = np.full((len(own), 3), np.nan)
-        if len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all():
-            sines = np.linalg.svd(planes, compute_uv=False)
-            if sines[-1] > DEFAULT.nominal:
-                shifts = np.linalg.pinv(planes).T
+        known = len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all()
+        if known and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:
+            shifts = np.linalg.pinv(planes).T
         return np.array(own, dtype=np.int64), shifts
 
 

@@ -37,8 +37,7 @@ def _direction(key: str, text: str) -> dict[str, float]:
         except ValueError:
             number = math.nan
         if not name or not math.isfinite(number):
-            allowed = "NAME=VALUE,... as TZ=1,RZ_deg=2"
-            raise InputError("not a direction", key=key, found=item, allowed=allowed)
+            raise InputError("not a direction", key=key, found=item, allowed="NAME=VALUE,... as TZ=1,RZ_deg=2")
         short = name.removesuffix("_deg")
         if short in found:
             raise InputError("a parameter is given twice", key=key, found=item)

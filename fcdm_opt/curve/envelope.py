@@ -239,8 +239,7 @@ def _joined(chain: list[Piece]) -> list[Run]:
 
 
 def _parallel(one: Piece, two: Piece) -> bool:
-    cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
-    return bool(cross <= DEFAULT.nominal)
+    return bool(abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0]) <= DEFAULT.nominal)
 
 
 def _one_line(one: Piece, two: Piece) -> bool:

@@ -388,8 +388,7 @@ def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:
     sides = part.half_edges
-    around = sides[np.isin(sides[:, 0], vertices), 1]
-    return int(np.bincount(around).argmax())
+    return int(np.bincount(sides[np.isin(sides[:, 0], vertices), 1]).argmax())
 
 
 def _edge(part: ConvexPart, ends: Sequence[int]) -> int:

@@ -274,8 +274,7 @@ class ContactGaps:
         for (k, feature), own in self.contacts.items():
             if k == relation:
                 parts = self.lines[own[0]].line.parts
-                features = [feature] * len(own)
-                pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], features))
+                pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], [feature] * len(own)))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
         return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
 

@@ -195,8 +195,7 @@ def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...
     if box is None:
         what = "scales of an assembly's parts have no tolerance, so no box of sizes follows from them"
         raise InputError(what, key="box", found=sizes, allowed="(low, high), the scales of all parts; or sizes by name")
-    ends = size_box([box, box], "box")[0]
-    return Sizes(frozen(np.tile(ends, (len(parts), 1)))), parts
+    return Sizes(frozen(np.tile(size_box([box, box], "box")[0], (len(parts), 1)))), parts
 
 
 def drawn_pairs(

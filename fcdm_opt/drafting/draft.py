@@ -495,8 +495,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     limit = len(found) + most
 
     def rank(own: tuple[float, int, int]) -> tuple[bool, float]:
-        far = max(nearest[end, own[0] > 0.0] for end in own[1:])
-        return abs(own[0]) > far, -abs(own[0])
+        return abs(own[0]) > max(nearest[end, own[0] > 0.0] for end in own[1:]), -abs(own[0])
 
     for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))

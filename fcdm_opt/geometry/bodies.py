@@ -501,8 +501,7 @@ class Body(_Sealed, NotebookRepr):
 
         whole = self.full_body or self
         parts = [part.vertices[fans(part.loops)] for part in whole.parts]
-        text = mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name)
-        write(path, text)
+        write(path, mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name))
 
     @classmethod
     def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:

@@ -130,8 +130,7 @@ class Arrangement:
     def parallel(self, plane: int, points: tuple[int, int]) -> int:
         """Return the plane in parallel to another through the middle of two points, added if there is none."""
         known = np.abs(self.normals @ self.normals[plane]) >= 1.0 - self.slack
-        level = self.local[list(points)].mean(axis=0)
-        known &= np.abs(self.normals @ level - self.levels) <= self.slack
+        known &= np.abs(self.normals @ self.local[list(points)].mean(axis=0) - self.levels) <= self.slack
         if known.any():
             return int(np.flatnonzero(known)[0])
         corners = [np.array(self.exact[k]) for k in np.flatnonzero(self.signs[plane] == 0)]

@@ -115,8 +115,7 @@ def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[La
     if (drawn := body.drawn) is not None:  # surfaces that are told are in the same order, whatever labels faces have
         before = _looks(drawn)[1] if body.surfaces is not None else rounds if drawn.faces == body.faces else []
         known = names_of_faces(drawn, four_digits=four_digits)
-        numbers = [NUMBER.search(known.get(own.faces[0], "")) for own in before]
-        alike = zip(called, numbers, strict=False)
+        alike = zip(called, [NUMBER.search(known.get(own.faces[0], "")) for own in before], strict=False)
         as_drawn = {k: name + (number[0] if number else "") for k, (name, number) in enumerate(alike)}
         if len(set(as_drawn.values())) == len(names):  # else sizes have made faces alike that are not as drawn
             names = as_drawn

@@ -471,8 +471,7 @@ def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[i
     near, found, changed = DEFAULT.planarity * moving.body.size, [], dict[int, Array]()
     for k, own in enumerate(moving.parts):
         depth, change = own.slack
-        inside = depth + change @ values
-        low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
+        low = np.where(np.isinf(depth), np.inf, depth + change @ values).min(axis=0)
         points = own.at(values)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
             points = changed[k] = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
@@ -645,8 +644,7 @@ def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
             (parts, surface.points[surface.triangles]),
         )
     )
-    near = DEFAULT.nominal * drawn[1]
-    if abs(drawn[0] - drawn[1]) <= near < abs(made[0] - made[1]):
+    if abs(drawn[0] - drawn[1]) <= DEFAULT.nominal * drawn[1] < abs(made[0] - made[1]):
         raise InputError("the parts that it is cut into no longer fill it")
 
 

@@ -509,8 +509,7 @@ class _Judge:
         bodies, drawn = self.problem.active, (self.problem.movable, self.problem.static)
         self.outside: Outside | None = None
         if kept_as_surface(*bodies):
-            surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
-            *near, self.outside = surfaces.looked_at()
+            *near, self.outside = WholeSurfaces(*drawn, self.problem.target, self.transform).looked_at()
             if not (self.problem.goal in TRACKING or self.problem.contacts):  # else others may be near, or open
                 bodies = near[0], near[1]
         self.bodies = bodies
@@ -521,8 +520,7 @@ class _Judge:
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
         if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
-            depth = PlacedSolids(*drawn, self.problem.target, self.transform).depth
-            self.pair_gap = min(-depth, self.pair_gap)
+            self.pair_gap = min(-PlacedSolids(*drawn, self.problem.target, self.transform).depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
 
@@ -717,8 +715,7 @@ class _Judge:
                 return _Side(step, before, after, least, snug=True)  # beside a plane that no change of the scales moves
             upward = _across(more) if len(more) else np.zeros(2)
             if len(more) and (more @ upward).min() > flat:
-                wider = self._step(more, upward)
-                after = self._gaps((self.rho + wider)[None], own)[0]
+                after = self._gaps((self.rho + self._step(more, upward))[None], own)[0]
                 return _Side(step, before, after, least)
         return _Side(step, before, after, least, snug=bool(len(more)))
 

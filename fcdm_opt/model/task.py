@@ -624,8 +624,7 @@ class Task:
             if whole is not None and (one.elements.spans or two.elements.spans):
                 places = self.path_positions(q)
                 ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
-                contact = supporting_contact(one, two, feature.normal, ways[0][0])
-                names = features_along(one, two, contact, ways)
+                names = features_along(one, two, supporting_contact(one, two, feature.normal, ways[0][0]), ways)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]
         return found
 
@@ -692,8 +691,7 @@ class Task:
             return False  # flush or not
         if self.goal == "beyond" and not replace(self, pair="any", keep_out=()).meets(q, DEFAULT.requirement):
             return False
-        gaps = self.pair_gaps(q)
-        return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
+        return bool((self.pair_gaps(q) >= self.needs - DEFAULT.requirement * self.size).all())
 
 
 def lines_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:

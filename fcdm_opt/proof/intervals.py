@@ -43,8 +43,7 @@ class Interval:
             middle = 0.5 * low + 0.5 * high
             bounded = np.isfinite(middle) | np.isnan(middle)
             middle = np.where(bounded, middle, 0.0)
-            radius = np.maximum(high - middle, middle - low) * UP
-            return cls(middle, np.where(bounded, radius, np.inf))
+            return cls(middle, np.where(bounded, np.maximum(high - middle, middle - low) * UP, np.inf))
 
     @classmethod
     def stacked(cls, numbers: Sequence[Interval], shape: tuple[int, ...]) -> Interval:

@@ -833,8 +833,7 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
 
 def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownBodies, more: ArrayLike = ()) -> Any:
     """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
-    points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
-    flat = points @ page_directions(*shown.view)
+    flat = np.vstack([shown.points, np.reshape(more, (-1, 3))]) @ page_directions(*shown.view)
     size = np.array(area[2:])
     margin = min(MARGIN, 0.07 * area[2])
     half = float((np.ptp(flat, axis=0) / (size - 2.0 * margin)).max()) * size / 2.0

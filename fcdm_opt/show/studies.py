@@ -212,8 +212,7 @@ def _panels(
     rows = math.ceil(len(spots) / columns)
     width = (PAGE - LEFT - RIGHT - beside - ACROSS * (columns - 1)) / columns
     width, height = (min(WIDE, width), ONE) if columns == 1 else (width, max(HIGH, 0.75 * width))
-    letters = max(map(len, keys), default=0)
-    across = min(COLUMNS, max(1, int(LETTERS / (letters + BESIDE))))
+    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + BESIDE))))
     foot = KEY * math.ceil(len([key for key in keys if key]) / across) + 0.05
     step = height + (ABOVE if axes else 0.08)
     sheet = Sheet.of(PAGE, foot + BELOW + rows * step, title=words[0], caption=words[1])

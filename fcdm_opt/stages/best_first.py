@@ -98,8 +98,7 @@ class Choices(NamedTuple):
 
     def met(self, y: Array) -> bool:
         """Tell whether y meets an alternative of each group."""
-        short = self.of_rows(self.rows.levels - self.rows.normals @ y)[1]
-        return bool(short.max(initial=-np.inf) <= 0.0)
+        return bool(self.of_rows(self.rows.levels - self.rows.normals @ y)[1].max(initial=-np.inf) <= 0.0)
 
 
 class Nearest(NamedTuple):

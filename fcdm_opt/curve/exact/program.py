@@ -155,8 +155,7 @@ class Program:
         first, last = self.counts[0], self.total - 1
         levels = []
         for low, high in ((0, first), (first, last), (last, last + 1)):
-            top = heights[low:high].max() - error
-            near = (heights[low:high] >= top).nonzero()[0] + low
+            near = (heights[low:high] >= heights[low:high].max() - error).nonzero()[0] + low
             levels.append(max(dot(n, self.column(j)) for j in near.tolist()))
         return tuple(levels)
 

@@ -257,8 +257,7 @@ class _PoseExaminer:
 
     def _directed(self, ways: Array, rho: Array, T: Array) -> Array:
         least = np.full(len(self.signs), np.inf)
-        lengths = np.linalg.norm(ways, axis=1)
-        if not (lengths <= 1.0 + DEFAULT.tie).all():
+        if not (np.linalg.norm(ways, axis=1) <= 1.0 + DEFAULT.tie).all():
             return np.full(len(self.signs), -np.inf)
         for i, one in enumerate(self.points[0]):
             linear, errors = self._ways(one, rho, T)
