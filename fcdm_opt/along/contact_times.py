@@ -157,8 +157,7 @@ class ContactTimes(ShortRepr, Plain):
         """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
         asked = needed_question(cls, problem)
         own = asked if isinstance(asked, Problem) else next(iter(asked.questions.values()))
-        along = checked_direction(own, data.get("direction"))
-        return super().from_dict({**data, "problem": asked, "direction": along})
+        return super().from_dict({**data, "problem": asked, "direction": checked_direction(own, data.get("direction"))})
 
 
 @known_arguments

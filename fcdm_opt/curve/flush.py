@@ -97,8 +97,7 @@ class Flush:
         """Return how far the elements' vertices are from one plane, a length: 0 where they are flush."""
         # at a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,)
         one, two = self._pair
-        n = self._normal_at(pose)
-        return float(np.ptp(np.concatenate(placed_elements(one, two, pose, self.contact, rho)) @ n))
+        return float(np.ptp(np.concatenate(placed_elements(one, two, pose, self.contact, rho)) @ self._normal_at(pose)))
 
     def shared(self, pose: Array, rho: Array) -> list[Array]:
         """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""

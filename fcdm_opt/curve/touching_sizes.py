@@ -205,8 +205,7 @@ class TouchingSizes:
                 with suppress(InputError):  # of several parts some end there; the body may be cut anew
                     moving.check(low, high)
                     factor = np.inf
-            names = [size.name for size in moving.sizes]
-            found.append((factor, where, dict(zip(names, corner.tolist(), strict=True))))
+            found.append((factor, where, dict(zip([size.name for size in moving.sizes], corner.tolist(), strict=True))))
         return min(found, key=lambda own: own[0])
 
     @cached_property
@@ -524,8 +523,7 @@ def _near_enough(
     order = order[(apart.ravel()[order] > slack) & (apart.ravel()[order] < np.inf)][:CLOSEST]
     for i, j in zip(*np.unravel_index(order, apart.shape), strict=True):
         (x, room), (y, other) = each[0][i], each[1][j]
-        off = norms(x[:, None] - y) + norms(room)[:, None] + norms(other)
-        largest = min(largest, float(off.min()))
+        largest = min(largest, float((norms(x[:, None] - y) + norms(room)[:, None] + norms(other)).min()))
     return [*zip(*(rows.tolist() for rows in np.nonzero(apart <= largest)), strict=True)]
 
 

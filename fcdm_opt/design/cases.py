@@ -144,5 +144,4 @@ def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
 def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Bounded]]) -> None:
     """Write a row for each named solution as CSV; what there is none of is left empty."""
     rows = case_rows(cases)
-    cells = ([*map(finite, row.values())] for row in rows)
-    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *cells])
+    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *([*map(finite, row.values())] for row in rows)])

@@ -252,8 +252,7 @@ class ContactGaps:
         rows, found = self.rows(transforms), list[GapClaims]()
         for (k, feature), own in self.contacts.items():
             claim = self.claim(self.relations[k], self.columns[k], transforms[k])
-            values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
-            gaps = AffineGaps(values, rows.normals[own])
+            gaps = AffineGaps(rows.values[own][:, [0, *(1 + column for column in self.columns[k])]], rows.normals[own])
             least, largest = _range(gaps, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
             if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without all other faces

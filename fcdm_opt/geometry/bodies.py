@@ -710,13 +710,11 @@ class Body(_Sealed, NotebookRepr):
 
     def subset(self, indices: Sequence[int]) -> Body:
         """Return the body with some of its parts alone, by number from 0; the full one stays with it."""
-        parts = tuple(self.parts[k] for k in indices)
-        return replace(self, parts=parts, full_body=self, part_indices=tuple(indices))
+        return replace(self, parts=tuple(self.parts[k] for k in indices), full_body=self, part_indices=tuple(indices))
 
     def _in(self, unit: str) -> Body:
         if unit not in ("", *NANOMETRES):
-            allowed = ", ".join(NANOMETRES)
-            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=allowed)
+            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=", ".join(NANOMETRES))
         return self if unit == self.unit else replace(self, unit=cast("UnitOrNone", unit))
 
     def _mapped(self, rows: Any) -> Body:
@@ -772,8 +770,7 @@ class Body(_Sealed, NotebookRepr):
 
     def placed_vertices(self, rho: float, transform: Array) -> Array:
         """Return all vertices, scaled about the seed and then moved, (n, 3)."""
-        scaled = self.seed + rho * (self.vertices - self.seed)
-        return scaled @ transform[:3, :3].T + transform[:3, 3]
+        return (self.seed + rho * (self.vertices - self.seed)) @ transform[:3, :3].T + transform[:3, 3]
 
 
 @known_arguments

@@ -292,8 +292,7 @@ def _shells(surface: Faces) -> Ints:
     several = np.flatnonzero(sides.counts > 2).tolist()
     wedges = [sides.wedges(surface.points, normals, own, inwards=inwards) for own in several]
     beside = np.array([pair for own in wedges for pair in own]).reshape(-1, 2)
-    both = np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]])
-    return components(both, len(surface.polygons))
+    return components(np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]]), len(surface.polygons))
 
 
 def solids(points: Array, polygons: Sequence[Polygon]) -> list[Ints]:

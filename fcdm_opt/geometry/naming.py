@@ -86,8 +86,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
         if surface.line is not None and surface.line[1] != 0.0:
             ends = corners[np.isin(owners, rows)].reshape(-1, 3) - surface.origin
             away = norms(ends - (ends @ surface.axis)[:, None] * surface.axis)
-            name = f"{ROUND_KINDS[4 + inside]} radius {_ends(away)}"
-            found.append(Round(name, surface, faces))
+            found.append(Round(f"{ROUND_KINDS[4 + inside]} radius {_ends(away)}", surface, faces))
         elif surface.line is not None or not surface.ring:
             kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
             found.append(Round(f"{kind} radius {radius_text(surface.radius)}", surface, faces))
@@ -155,8 +154,7 @@ def told_element(body: Body, element: Element) -> str:
         return f"{told} (facing {side})" if side else told
     sides = [names[face][0] for face in body.faces_with(label) if face in names]
     few = len(body.vertices) <= NUMBERED
-    ends = [str(v) if few else _place(body.vertices[v - 1]) for v in label]
-    return _edge_or_corner(element.kind, sides, ends)
+    return _edge_or_corner(element.kind, sides, [str(v) if few else _place(body.vertices[v - 1]) for v in label])
 
 
 def rows_of_element(body: Body, element: Element) -> list[int]:

@@ -102,8 +102,7 @@ def distances(points: Array, polygons: Array) -> Array:
     broad = length > DEFAULT.nominal * dots(along, along).max(axis=-1)  # of slivers the rim tells as much
     length = np.where(broad, length, 1.0)
     above = broad & (dots(cross(normal[..., None, :], along), spokes).min(axis=-1) >= 0)
-    height = np.abs(dots(spokes[..., 0, :], normal)) / length
-    return np.asarray(np.where(above, height, rim))
+    return np.asarray(np.where(above, np.abs(dots(spokes[..., 0, :], normal)) / length, rim))
 
 
 def coplanar(

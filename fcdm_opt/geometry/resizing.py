@@ -416,8 +416,7 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
         rates[: len(known)] = known
     moves = MovesOfFaces.of(drawn, (size,))
     for piece in body.exact.pieces:
-        move = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)
-        rates[piece.first - 1 : piece.last] = move[:, 0]
+        rates[piece.first - 1 : piece.last] = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)[:, 0]
     return rates
 
 

@@ -135,8 +135,7 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         stages = (*found, judge.sides, judge.path, judge.seats)
         last = judge.pair, judge.true_faces, judge.scene
         checks = (finite, *(check for stage in (*stages, *last) for check in stage()))
-    stored = same_as_read(solution, checks, solution.problem.contact_slack)
-    return (*checks, *stored, *_same_derivatives(solution))
+    return (*checks, *same_as_read(solution, checks, solution.problem.contact_slack), *_same_derivatives(solution))
 
 
 def same_as_read(solution: Bounded, checks: Sequence[Check], slack: float) -> tuple[Check, ...]:
@@ -684,8 +683,7 @@ class _Judge:
     def _worst(name: str, found: list[tuple[float, float, Array, bool]]) -> Check:
         """Return a check of gaps against their limits: of the first that fails, or else of the first."""
         gap, limit, step, _ = next((own for own in found if not own[-1]), found[0])
-        passed = all(own[-1] for own in found)
-        return Check(name, passed, gap, limit, f"with the scales changed by {_pair(step)}")
+        return Check(name, all(own[-1] for own in found), gap, limit, f"with the scales changed by {_pair(step)}")
 
     def _side(self, claim: Claim) -> _Side | None:
         """Return how a claim's part pair opens and closes across its line; None where no scales change it."""

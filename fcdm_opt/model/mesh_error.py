@@ -142,8 +142,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
             return _between(solution, min(low, _least(solution, amount)), amount)
         outer = _about(problem.of_facets, _Scene(one[1], two[1], ()))
         if _gap_at_rest(outer) >= 0.0:  # else they ask for another motion, which takes them apart
-            seconds = max(SHORTEST, sum(solution.seconds.values()))
-            low = max(low, _least(_least_of(outer, solve, seconds), amount))
+            low = max(low, _least(_least_of(outer, solve, max(SHORTEST, sum(solution.seconds.values()))), amount))
     return _between(solution, low, amount)
 
 

@@ -632,8 +632,7 @@ class Task:
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None:
-                contact = supporting_contact(one, two, feature.normal, pose)
-                if whole != located(one, two, pose, contact, rho).feature:
+                if whole != located(one, two, pose, supporting_contact(one, two, feature.normal, pose), rho).feature:
                     return False
         return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
 

@@ -139,8 +139,7 @@ class Exchange:
         seed, scale = facets.movable.seed, float(facets.target[0])
         kinematics = facets.motion.kinematics(seed, facets.static.seed)
         made = seed + scale * (facets.movable.vertices - seed)
-        moved = made @ found.transform[:3, :3].T + found.transform[:3, 3]
-        bound = float(norms(moved - made).max())
+        bound = float(norms(made @ found.transform[:3, :3].T + found.transform[:3, 3] - made).max())
         unit = float(np.linalg.norm(facets.weights * start)) / facets.weights
 
         def gap(y: Array) -> float:

@@ -104,8 +104,7 @@ def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
     faces, wide = np.arange(2 * len(weights)), np.ones((2 * len(weights), len(weights) - 1))
     cells = Pieces.of(faces, np.stack([-wide, wide], axis=1), np.full((len(faces), 2), half))
     with np.errstate(all="ignore"):
-        found = AmountOfPieces(amount.function, weights).least_beyond(cells)
-        return float(np.nan_to_num(found, nan=-np.inf).min())
+        return float(np.nan_to_num(AmountOfPieces(amount.function, weights).least_beyond(cells), nan=-np.inf).min())
 
 
 def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
@@ -118,8 +117,7 @@ def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, 
     key = np.repeat(faces.astype(np.int64), len(corners))
     for axis in range(m):
         values, places = np.unique(np.stack([low[:, axis], high[:, axis]], axis=1), return_inverse=True)
-        own = places.reshape(n, 2)[:, corners[:, axis]].ravel()
-        _, key = np.unique(key * len(values) + own, return_inverse=True)
+        _, key = np.unique(key * len(values) + places.reshape(n, 2)[:, corners[:, axis]].ravel(), return_inverse=True)
     wrong = np.flatnonzero(np.bincount(key, weights=signs, minlength=1) != 0)
     if not len(wrong):
         return None
@@ -490,8 +488,7 @@ class Examiner:
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
-            excess = sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True))
-            yield here, gap - excess * (1.0 + FLOATS)
+            yield here, gap - sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True)) * (1.0 + FLOATS)
 
     def apart(self, poses: Poses, witness: Array) -> Margins:
         """Yield by how much a direction for each part pair keeps it apart at the target pair."""

@@ -246,8 +246,7 @@ def _less(x: Interval, y: Interval) -> Interval:
 
 
 def _same(x: Interval, y: Interval) -> Interval:
-    exact = (x.radius == 0) & (y.radius == 0) & (x.middle == y.middle)
-    return _truth(exact, (x.high < y.low) | (x.low > y.high))
+    return _truth((x.radius == 0) & (y.radius == 0) & (x.middle == y.middle), (x.high < y.low) | (x.low > y.high))
 
 
 def _is_not(x: Interval) -> Interval:
@@ -347,5 +346,4 @@ class IntervalFunction:
 
             return carried_out
 
-        arithmetic = {**ARITHMETIC, **{name: watched(name) for name in JUMPS}}
-        return self._instructions.carried_out(arithmetic, *inputs), jumps
+        return self._instructions.carried_out({**ARITHMETIC, **{name: watched(name) for name in JUMPS}}, *inputs), jumps

@@ -116,8 +116,7 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     for place, axes in spots:
         for k, (at, name) in enumerate(_combinations(lines)):
             part = data.at([*panels, *lines], [*place, *at])
-            spot = SPOTS[k % len(SPOTS)]
-            axes.plot(along.values, part.amounts, marker=spot, markersize=2.8, label=name, **_look(k))
+            axes.plot(along.values, part.amounts, marker=SPOTS[k % len(SPOTS)], markersize=2.8, label=name, **_look(k))
             for status, marker in markers.items():
                 where = np.asarray(along.values)[part.statuses == status]
                 height = np.full(len(where), 0.02 + 0.03 * (k % 10))  # beside each other, not upon
@@ -220,8 +219,7 @@ def _panels(
     made: list[tuple[list[int], Any]] = []
     for k, (place, name) in enumerate(spots):
         row, column = divmod(k, columns)
-        bottom = foot + BELOW + (rows - 1 - row) * step
-        panel = sheet.axes(left + column * (width + ACROSS), bottom, width, height)
+        panel = sheet.axes(left + column * (width + ACROSS), foot + BELOW + (rows - 1 - row) * step, width, height)
         panel.set_title(literal(name))
         panel.grid(visible=True)
         lowest = k + columns >= len(spots)

@@ -216,5 +216,4 @@ def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
 def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
     """Return rows over z as rows over the null space, and which of them no move in it changes."""
     normals = rows.normals @ free.T
-    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    return Rows(normals, rows.about(centre).levels), np.asarray(flat)
+    return Rows(normals, rows.about(centre).levels), np.asarray(np.linalg.norm(normals, axis=1) <= DEFAULT.nominal)

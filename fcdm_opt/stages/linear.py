@@ -114,8 +114,7 @@ def _linear(task: Task, normals: Array, moving: Bools) -> bool:
         along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
         if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.untracked))):
             return False
-    between = (task.motion.along_seeds & moving).any()
-    return not between or moving.sum() == 1  # its axis follows what the others do
+    return not (task.motion.along_seeds & moving).any() or moving.sum() == 1  # its axis follows what the others do
 
 
 def _impossible(stage: str) -> Answer:

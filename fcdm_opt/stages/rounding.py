@@ -48,8 +48,7 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
         for q in sorted(near, key=task.amount)[:MOST_SOLVED]:
             if pacing.over():
                 break
-            limits = np.where(rounded[:, None], q[:, None], task.limits)
-            found = solve(replace(task, limits=limits, resolution=None))
+            found = solve(replace(task, limits=np.where(rounded[:, None], q[:, None], task.limits), resolution=None))
             if found.q is not None and (best is None or task.amount(found.q) < task.amount(best)):
                 best = found.q
     if best is None:

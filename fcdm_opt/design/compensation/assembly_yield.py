@@ -348,5 +348,4 @@ def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]
     taken = np.array([[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     indices = taken @ sums / whole
     slopes = (taken - indices[..., None] * all_of_it) / whole
-    variances = np.einsum("ai,ij,aj->a", slopes, count * np.cov(terms, bias=True), slopes)
-    return indices, np.sqrt(np.maximum(variances, 0.0))
+    return indices, np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", slopes, count * np.cov(terms, bias=True), slopes), 0.0))

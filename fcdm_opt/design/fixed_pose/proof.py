@@ -251,8 +251,7 @@ class _PoseExaminer:
         depth = np.einsum("fi,fvi->fv", normals, points[corners])
         rates = -np.einsum("fi,fvci->fvc", normals, linear[owners][:, :, 1:])
         lost = np.einsum("fi,fvi->fv", np.abs(normals), errors[owners])
-        values = depth[..., None] + rates @ self.signs.T - lost[..., None]
-        found = values.min(axis=(0, 1))
+        found = (depth[..., None] + rates @ self.signs.T - lost[..., None]).min(axis=(0, 1))
         return np.asarray(self.worst.low + found) if (found > 0).all() else none
 
     def _directed(self, ways: Array, rho: Array, T: Array) -> Array:

@@ -219,8 +219,7 @@ def _other_centres(rows: list[FamilyRow]) -> dict[str, str]:
     for row in rows:
         if row.motion is not None and any(kind == "rotation" for _, kind in row.motion.parameters):
             points = {point for step in row.motion.steps for point in step.own_fixed_points or ()}
-            places = [f"({', '.join(map(number_text, point))})" for point in sorted(points)]
-            centres[row.name] = " and ".join(places)
+            centres[row.name] = " and ".join([f"({', '.join(map(number_text, point))})" for point in sorted(points)])
     if len({*centres.values()}) < 2:
         return {}
     return {
