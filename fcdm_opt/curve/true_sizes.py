@@ -315,8 +315,7 @@ class TrueSizes:
     def apart(self) -> list[tuple[int, int]]:
         """Return part pairs that are not looked at: of pieces that meet others."""
         meeting = {*self._meeting_pieces()}
-        own = zip(self.bodies, self._piece_points, strict=True)
-        firsts = [len(body.parts) - len(points) for body, points in own]
+        firsts = [len(body.parts) - len(points) for body, points in zip(self.bodies, self._piece_points, strict=True)]
         return [
             (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
             if (i >= firsts[0] or j >= firsts[1])

@@ -121,8 +121,7 @@ def case_rows(cases: Iterable[tuple[str, Bounded]]) -> list[dict[str, Any]]:
         row |= {key: getattr(solution, key) for key in OF_ALL}
         if isinstance(solution, AssemblySolution):
             for part, motion in solution.assembly.motions.items():
-                moved = _moved(motion, solution.parameters.get(part, {}))
-                row |= {f"{part}.{own}": x for own, x in moved.items()}
+                row |= {f"{part}.{own}": x for own, x in _moved(motion, solution.parameters.get(part, {})).items()}
         elif isinstance(solution, Solution):
             problem, (row["rho_1"], row["rho_2"]) = solution.problem, solution.pair.tolist()
             row |= {"requirement": problem.requirement, "goal": problem.goal, "pair_state": solution.pair_state}

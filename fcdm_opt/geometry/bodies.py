@@ -285,14 +285,7 @@ class Body(_Sealed, NotebookRepr):
 
     @classmethod
     @known_arguments
-    def convex(
-        cls,
-        vertices: ArrayLike,
-        *,
-        seed: Seed = "centroid",
-        name: str = "body",
-        unit: UnitOrNone = "",
-    ) -> Body:
+    def convex(cls, vertices: ArrayLike, *, seed: Seed = "centroid", name: str = "body", unit: UnitOrNone = "") -> Body:
         """Return the convex hull of points as a body.
 
         Parameters
@@ -775,12 +768,7 @@ class Body(_Sealed, NotebookRepr):
 
 @known_arguments
 def as_body(
-    x: Any,
-    *,
-    seed: Seed = "centroid",
-    name: str = "body",
-    decomposition: Method = "auto",
-    unit: UnitOrNone = "",
+    x: Any, *, seed: Seed = "centroid", name: str = "body", decomposition: Method = "auto", unit: UnitOrNone = ""
 ) -> Body:
     """Return a body from a solid in any of the usual forms.
 

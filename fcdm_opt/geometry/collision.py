@@ -427,8 +427,7 @@ def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
         return []
     rows = [(np.arange(len(hull.part.loops)), np.arange(len(hull.edges))) for hull in (one, two)]
     faces, edges = zip(*rows, strict=True)
-    best = np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist()
-    return [_named(one, two, k, faces, edges) for k in best]
+    return [_named(one, two, k, faces, edges) for k in np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist()]
 
 
 def _named(one: _Hull, two: _Hull, k: int, faces: Rows, edges: Rows) -> Direction:

@@ -437,8 +437,7 @@ def side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     some, places = np.unique(pairs, return_inverse=True)
     if len(some) < fewest:
         return []
-    groups = groups_of(components(places.reshape(-1, 2), len(some)))
-    return [some[group] for group in groups if len(group) >= fewest]
+    return [some[group] for group in groups_of(components(places.reshape(-1, 2), len(some))) if len(group) >= fewest]
 
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> Round | None:

@@ -666,8 +666,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     on = np.abs(corners @ part.normals.T - levels) <= near
     if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
         raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
-    held = np.unique(on, axis=0)
-    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
+    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in np.unique(on, axis=0)])
 
 
 def _kept_numbers(

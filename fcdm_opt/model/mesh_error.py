@@ -89,8 +89,7 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
         return _at_exact_points(solution, solve, certify)
     if not solution.usable and solution.status not in REFUSED:
         return solution
-    errors = [facet_errors(body) for body in problem.bodies]
-    if all(own is not None and not own.any() for own in errors):
+    if all(own is not None and not own.any() for own in [facet_errors(body) for body in problem.bodies]):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
     if not solution.usable and (too_wide(problem) or cannot_be_restored(problem)):
         return replace(solution, amount_low=math.inf, amount_high=math.inf)

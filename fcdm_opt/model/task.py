@@ -631,9 +631,9 @@ class Task:
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
-            if whole is not None:
-                if whole != located(one, two, pose, supporting_contact(one, two, feature.normal, pose), rho).feature:
-                    return False
+            contact = supporting_contact(one, two, feature.normal, pose)
+            if whole is not None and whole != located(one, two, pose, contact, rho).feature:
+                return False
         return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:

@@ -51,8 +51,7 @@ def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
     known = solution.usable or solution.status.name == "OUTSIDE_FIT"
-    lines = (*(() if known else solution.active), solution.doubt)
-    return [text for text in lines if text[1:] not in verdict]
+    return [text for text in (*(() if known else solution.active), solution.doubt) if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:

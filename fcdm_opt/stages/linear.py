@@ -106,8 +106,7 @@ def _on_lines(task: Task, q: Array) -> Answer:
 
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
-    steps = task.motion.owners
-    if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
+    if any(not step.bounded and some for step, some in zip(task.motion.owners, moving, strict=True)):
         return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)
     if turning.any():

@@ -127,10 +127,7 @@ class Comparison(ShortRepr, Plain):
 
 @known_arguments
 def compare(
-    problem: Scene,
-    motions: Mapping[str, Motion] | Iterable[Motion] | None = None,
-    *,
-    certify: bool = False,
+    problem: Scene, motions: Mapping[str, Motion] | Iterable[Motion] | None = None, *, certify: bool = False
 ) -> Comparison:
     """Solve a problem, or an assembly all parts of which move so, with families of motions; say which is cheapest.
 
