@@ -167,11 +167,10 @@ def _about(problem: Problem, scene: _Scene, **asked: Any) -> Problem:
         KeepOut(body, own.scale, clearance=own.clearance, name=own.name)
         for own, body in zip(problem.keep_out, scene.keep_outs, strict=True)
     )
-    as_made = dict.fromkeys(("requirement", "tolerance", "made", "features", "contacts", "published"))
     return Problem(
         **{
             **problem.request,
-            **as_made,
+            **dict.fromkeys(("requirement", "tolerance", "made", "features", "contacts", "published")),
             "movable": scene.movable,
             "static": scene.static,
             "keep_out": keep_out,

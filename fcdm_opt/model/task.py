@@ -251,7 +251,6 @@ class Task:
         - `features`: pairs of elements that its rows are made of, and vertices held by separating planes; in all there
           are `features`.
         """
-        keep_outs = {self.obstacles[j].keep_out for _, j in kept} - {-1}
         return {
             "variables": variables,
             "constraints": constraints,
@@ -259,7 +258,7 @@ class Task:
             "part_pairs_total": self.part_pairs,
             "features_kept": features,
             "features_total": self.features,
-            "keep_outs_kept": len(keep_outs),
+            "keep_outs_kept": len({self.obstacles[j].keep_out for _, j in kept} - {-1}),
             "keep_outs_total": len(self.keep_out),
         }
 

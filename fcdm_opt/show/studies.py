@@ -93,9 +93,8 @@ class _StudyAmounts(NamedTuple):
     def of(cls, result: StudyResult) -> _StudyAmounts:
         shape = [len(values) for values in result.axes.values()]
         rows = result.rows()
-        amounts = [row["amount"] if row["usable"] else math.nan for row in rows]
         return cls(
-            np.array(amounts, dtype=float).reshape(shape),
+            np.array([row["amount"] if row["usable"] else math.nan for row in rows], dtype=float).reshape(shape),
             np.array([row["status"] for row in rows], dtype=object).reshape(shape),
             f"amount ({result.unit or 'length units'})",
         )

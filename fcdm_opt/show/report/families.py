@@ -115,9 +115,8 @@ def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str,
             note=f"beyond the limits of {beyond}" if beyond else "",
         )
 
-    none = "at {:g} of the motion there is no pose"
     return _family(
-        frame, SHARES, share, lambda part: f"{100.0 * part:.0f} %", none,
+        frame, SHARES, share, lambda part: f"{100.0 * part:.0f} %", "at {:g} of the motion there is no pose",
         label="share of the motion", unit="of the motion",
     )  # fmt: skip
 
