@@ -550,9 +550,8 @@ def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple
 
 def _heights(n: Array, one: _PosedPart, own: Ints, two: _PosedPart, other: Ints) -> Array:
     """Return how far corners of one part are from those of another along directions, and how that changes."""
-    gaps = (n * (two.points[other] - one.points[own])).sum(axis=1)
     rates = np.einsum("mx,mxk->mk", n, two.moves[other]) - np.einsum("mx,mxk->mk", n, one.moves[own])
-    return np.column_stack([gaps, rates])
+    return np.column_stack([(n * (two.points[other] - one.points[own])).sum(axis=1), rates])
 
 
 def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
@@ -612,9 +611,8 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     places = np.vstack([
         np.zeros((1, count)), signs, -signs, np.random.default_rng(1).uniform(-1.0, 1.0, (SAMPLES, count)),
     ])  # fmt: skip
-    heights = (middle + places * half) @ values[:, 1:].T + values[:, 0]
     seen = np.zeros(len(values), bool)
-    seen[heights.argmax(axis=1)] = True
+    seen[((middle + places * half) @ values[:, 1:].T + values[:, 0]).argmax(axis=1)] = True
     for k in np.flatnonzero(~seen).tolist():
         seen[k] = least_of(values[np.delete(np.arange(len(values)), k)] - values[k], box, sign=True)[0] < 0.0
     return pair.some(np.flatnonzero(seen))

@@ -158,9 +158,8 @@ def sources(value: Any, *, positive: bool | Sequence[bool] | Flags = True) -> tu
         raise InputError(f"not rows of {count} sizes", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
     bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | ~scales)).all(axis=1))
     if bad.size:
-        found = pairs[bad[0]].tolist()
         what = f"a size is not a {'positive' if scales.any() else 'finite'} number"
-        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
+        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=pairs[bad[0]].tolist(), allowed=allowed)
     return frozen(pairs)
 
 

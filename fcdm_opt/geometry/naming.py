@@ -276,9 +276,8 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
             up = bool(normal[k] > 0.0)
             if abs(normal[k]) >= 1.0 - DEFAULT.side and abs((high if up else low)[k] - corner[k]) <= slack:
                 ends[face] = ENDS[k][up]
-    numbered = numbered_names([*ends.values()])
     named = {face: f"face {number}" for number, face in enumerate(body.faces, 1) if face in normals}
-    named.update(zip(ends, numbered, strict=True))
+    named.update(zip(ends, numbered_names([*ends.values()]), strict=True))
     return {face: name for face, name in named.items() if len(face) >= least}
 
 

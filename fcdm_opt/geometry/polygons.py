@@ -234,9 +234,8 @@ def _ears(flat: Array, slack: float) -> Ints | None:
 def _covered(triangle: Array, points: Array, slack: float) -> bool:
     """Tell whether one of the points lies in or on a triangle."""
     sides = np.roll(triangle, -1, axis=0) - triangle
-    lengths = np.sqrt((sides**2).sum(axis=1))
     inward = _cross2(sides[:, None], points - triangle[:, None])
-    return bool((inward >= -slack * lengths[:, None]).all(axis=0).any())
+    return bool((inward >= -slack * np.sqrt((sides**2).sum(axis=1))[:, None]).all(axis=0).any())
 
 
 @dataclass(frozen=True, eq=False)

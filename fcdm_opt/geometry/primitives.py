@@ -346,9 +346,8 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     planes = [Swept.plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
-    touched = np.unique(corners[owners < len(surfaces)])
     moved, every, at = points.copy(), [*surfaces, *planes], groups_of(corners)
-    for v in touched.tolist():
+    for v in np.unique(corners[owners < len(surfaces)]).tolist():
         meeting = [every[k] for k in np.unique(owners[at[v]]).tolist()]
         for _ in range(STEPS):
             misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)

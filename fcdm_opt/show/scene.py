@@ -661,9 +661,8 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownBodies, corner: tuple[f
     scale = 72.0 * _inches_a_length(axes)  # points a unit of length
     length = rounded_down(LONGEST_BAR / scale)
     left = start + np.array([24.0, -12.0])
-    reach = np.array([length * scale, 0.0])
     bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}
-    axes.annotate("", left + reach, left, arrowprops=bar, **points)
+    axes.annotate("", left + np.array([length * scale, 0.0]), left, arrowprops=bar, **points)
     word = unit or ("length unit" if length == 1 else "length units")
     axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), ha="left", va="bottom", **small)
 
