@@ -27,7 +27,7 @@ from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
-from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.judge.claimed_contact import Claim, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
@@ -754,7 +754,16 @@ class _Judge:
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
         proofs = [claim.proofs(pairs, poses) for claim in self.claims]
         errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
-        gaps = self._off_touch([proof for own in proofs for proof in own], pairs, poses)
+        # by coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
+        # touch are left out
+        counts = (len(body.parts) for body in self.bodies)
+        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
+        for (i, j), off in (proof for own in proofs for proof in own):
+            settled[:, i, j] |= off <= self.limit
+            least = np.minimum(least, off)
+        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
+        gaps = _asked_gaps(self.scaled, pairs, poses, settled)
+        gaps = np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
         worst = [int(_or_inf(x).argmax()) for x in (errors, gaps)]
         return [
             _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
@@ -903,19 +912,6 @@ class _Judge:
         if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
             poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
         return s, poses, self._tracked(s, poses)
-
-    def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
-        """Return how far the bodies are apart or overlap at each point of the way, (k,)."""
-        # by coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
-        # touch are left out
-        counts = (len(body.parts) for body in self.bodies)
-        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
-        for (i, j), errors in proofs:
-            settled[:, i, j] |= errors <= self.limit
-            least = np.minimum(least, errors)
-        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
-        gaps = _asked_gaps(self.scaled, pairs, poses, settled)
-        return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
 
     def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:
         """Return `judged_gaps` after the motion, of the problem's two bodies or of another pair."""
