@@ -206,8 +206,7 @@ class _Solving:
         bound = min(found.bound if known else least_restoring(asked, found.q, amount), amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
         problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
-        met = self._moved(group, parts, problems, answer)
-        return met._replace(open_=(bound, amount))
+        return self._moved(group, parts, problems, answer)._replace(open_=(bound, amount))
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""

@@ -137,9 +137,8 @@ def _object_schema(kind: type, known: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of what a class tells: of each attribute by its annotation, or by what its property returns."""
     kinds = {**get_type_hints(kind), **getattr(kind, "plain_kinds", {})}
     own_names = [name for name, own in kinds.items() if get_origin(own) is not ClassVar and own is not KW_ONLY]
-    told = getattr(kind, "plain_names", ()) or own_names
     members = {}
-    for name in told:
+    for name in getattr(kind, "plain_names", ()) or own_names:
         own = getattr(kind, name, None)
         getter = getattr(own, "fget", None) or getattr(own, "func", None)
         returned = get_type_hints(getter).get("return", Any) if getter else Any

@@ -174,8 +174,7 @@ def _least(problem: Problem, how: _How) -> Solution:
     if solution is None and not (wide or problem.motion.shifts) and touching_again(problem) is not None:
         solution = _not_restored(problem, how)
     if solution is None and problem.touches_between_facets:
-        none = cannot_be_restored(problem)
-        status, bound = (Status.INFEASIBLE, math.inf) if none else (Status.NOT_FOUND, 0.0)
+        status, bound = (Status.INFEASIBLE, math.inf) if cannot_be_restored(problem) else (Status.NOT_FOUND, 0.0)
         solution = Solution(problem=problem, status=status, lower_bound=bound, pair=problem.target, stage=RESTORED)
     if solution is None:
         solution = _solved_all(problem, how)

@@ -157,8 +157,7 @@ class ContactTimes(ShortRepr, Plain):
         """Rebuild from `to_dict` and the problem that it is of; raises `InputError`."""
         asked = needed_question(cls, problem)
         own = asked if isinstance(asked, Problem) else next(iter(asked.questions.values()))
-        along = checked_direction(own, data.get("direction"))
-        return super().from_dict({**data, "problem": asked, "direction": along})
+        return super().from_dict({**data, "problem": asked, "direction": checked_direction(own, data.get("direction"))})
 
 
 @known_arguments
@@ -240,8 +239,7 @@ def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> 
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
-    proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved)
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, back.proved and ahead.proved)
 
 
 def _times_clear(problem: Problem, along: Array, clearance: float, limit: float | None) -> tuple[StateSpan, ...]:
@@ -531,8 +529,7 @@ class _OneWay:
         other = (rho[0] * (tops[0] * one.normals).sum(axis=1))[None] - (rho[1] * Y + d) @ R @ one.normals.T
         furthest = 0.0
         if own.min(axis=1).max() > 0:
-            v = X[int(own.min(axis=1).argmax())]
-            within = Conditions.of(forms.ALONG, v=v, w=tops[1], m=two.normals)
+            within = Conditions.of(forms.ALONG, v=X[int(own.min(axis=1).argmax())], w=tops[1], m=two.normals)
             furthest = float(safe_steps(here.expanded(within), here.span).min())
         if other.min(axis=1).max() > 0:
             w = Y[int(other.min(axis=1).argmax())]

@@ -328,8 +328,7 @@ def _sides(loop: Sequence[int]) -> list[tuple[int, int]]:
 def _neighbours(part: ConvexPart, vertex: int) -> list[tuple[int, int]]:
     """Return the vertices joined to a vertex by an edge, each with the vertex itself."""
     half = part.half_edges
-    ends = half[half[half[:, 0] == vertex, 2], 0]
-    return [(int(v), vertex) for v in ends]
+    return [(int(v), vertex) for v in half[half[half[:, 0] == vertex, 2], 0]]
 
 
 def _beside(part: ConvexPart, edge: int) -> list[tuple[int, int]]:

@@ -338,8 +338,7 @@ class Holding:
         for normal in normals:
             shifted = np.append(pose[:9], pose[9:] - gap * normal)
             contact = located(one, two, shifted, supporting_contact(one, two, normal, shifted, DEFAULT.active), rho)
-            corners = contact_set(one, two, shifted, contact, rho)
-            ways.append(Facing(normal, contact, corners[:MOST_CORNERS], gap))
+            ways.append(Facing(normal, contact, contact_set(one, two, shifted, contact, rho)[:MOST_CORNERS], gap))
         return ways
 
     def _apart(self, parts: Parts, way: Facing) -> Constraints:

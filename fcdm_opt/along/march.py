@@ -385,8 +385,7 @@ class Others:
         """
         one, two = (body.parts[k] for body, k in zip(self._bodies, parts, strict=True))
         X, Y = one.vertices - one.seed, two.vertices - two.seed
-        pose = np.concatenate([at.R[0].ravel(), at.d[0]])
-        sites, rows = kernels.facet_rows(*one.packed, *two.packed, pose)
+        sites, rows = kernels.facet_rows(*one.packed, *two.packed, np.concatenate([at.R[0].ravel(), at.d[0]]))
         separations = rows[:, 5] - rows[:, 3:5] @ at.rho
         best, ways = float(separations.max()), []
         for k in np.flatnonzero(separations >= best - self._tie)[:TIED]:

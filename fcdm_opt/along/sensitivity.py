@@ -325,8 +325,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
-        ratio = problem.target / problem.nominal_pair
-        moved, amounts, missing = motion_rates([task], q, changes, nominal, ratio)
+        moved, amounts, missing = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
         if problem.exact_at is not None and problem.amount == "weighted":
             faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
             still = [3 + k for k in range(3) if faces.is_symmetric_about(seed, np.eye(3)[k])]

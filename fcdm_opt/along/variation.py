@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.task import Task
@@ -159,13 +159,7 @@ class Layout:
             corners = self.bodies[term.body].vertices[rows]
             shares = np.linalg.lstsq((corners[1:] - corners[0]).T, term.point - corners[0])[0]
             vertices[rows] += np.append(1.0 - shares.sum(), shares)[:, None] * pull
-        numbers, shifts = self._shifts(term)
-        lost_shifts = np.isnan(shifts).any(axis=1)
-        data[self.faces(term.body)][numbers] += np.where(lost_shifts, 0.0, shifts @ pull)
-        broken[self.faces(term.body)][numbers] |= lost_shifts
-
-    def _shifts(self, term: Term) -> tuple[Ints, Array]:
-        """Return the faces that carry an element, and how fast each moves it; nan where it would come apart."""
+        # the faces that carry the element, and how fast each moves it; nan where it would come apart
         numbers, around, normals = self._planes[term.body]
         kind, labels = term.element
         if kind == "F":
@@ -174,11 +168,12 @@ class Layout:
             own = sorted(set.intersection(*(set(around.get(label, ())) for label in labels)))
         planes = normals[own]
         shifts = np.full((len(own), 3), np.nan)
-        if len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all():
-            sines = np.linalg.svd(planes, compute_uv=False)
-            if sines[-1] > DEFAULT.nominal:
-                shifts = np.linalg.pinv(planes).T
-        return np.array(own, dtype=np.int64), shifts
+        known = len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all()
+        if known and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:
+            shifts = np.linalg.pinv(planes).T
+        chosen, lost_shifts = np.array(own, dtype=np.int64), np.isnan(shifts).any(axis=1)
+        data[self.faces(term.body)][chosen] += np.where(lost_shifts, 0.0, shifts @ pull)
+        broken[self.faces(term.body)][chosen] |= lost_shifts
 
 
 @lru_cache(maxsize=64)

@@ -333,8 +333,7 @@ class Inquiry:
         """Print what stands above a file's tables; the unit is that of its cases."""
         from fcdm_opt.show.printing import print_head
 
-        unit = next((problem.unit for problem in file.problems), "")
-        print_head(file.path.name, file.title, file.note, unit=unit)
+        print_head(file.path.name, file.title, file.note, unit=next((problem.unit for problem in file.problems), ""))
 
     def ask(
         self,

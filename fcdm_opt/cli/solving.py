@@ -37,8 +37,7 @@ def _direction(key: str, text: str) -> dict[str, float]:
         except ValueError:
             number = math.nan
         if not name or not math.isfinite(number):
-            allowed = "NAME=VALUE,... as TZ=1,RZ_deg=2"
-            raise InputError("not a direction", key=key, found=item, allowed=allowed)
+            raise InputError("not a direction", key=key, found=item, allowed="NAME=VALUE,... as TZ=1,RZ_deg=2")
         short = name.removesuffix("_deg")
         if short in found:
             raise InputError("a parameter is given twice", key=key, found=item)
@@ -101,18 +100,15 @@ def solve_command(
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     answers: list[tuple[str, Bounded]] = []
 
-    def tabled(file: OpenedFile, name: str, solution: Bounded) -> None:
-        answers.append((name if len(files) == 1 else f"{file.path.stem}: {name}", solution))
-        if table is not None:
-            write_cases(table, answers)
-            if len(answers) == 1:
-                inquiry.wrote(f"wrote {table}")
-
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
         row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
         entry |= {"name": problem.name, **row.solution.to_dict(), **row.beside}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
-        tabled(file, problem.name, row.solution)
+        answers.append((problem.name if len(files) == 1 else f"{file.path.stem}: {problem.name}", row.solution))
+        if table is not None:
+            write_cases(table, answers)
+            if len(answers) == 1:
+                inquiry.wrote(f"wrote {table}")
         if inquiry.pictures:
             with pacing.telling():
                 inquiry.pictures.add_solution(file.path.stem, file.name, row.solution)

@@ -65,9 +65,7 @@ def init_command(
     typer.echo(f"next: fcdm-opt solve {quoted(path)}")
 
 
-def schema_command(
-    what: Annotated[str, option("--what", "KIND", KIND)] = "problem",
-) -> None:
+def schema_command(what: Annotated[str, option("--what", "KIND", KIND)] = "problem") -> None:
     """Print the JSON Schema of a kind of file, or of what a command writes with --json, by which both are checked.
 
     Save it beside the files and begin each with the line "#:schema problem.schema.json": editors with Even Better
@@ -83,9 +81,7 @@ def schema_command(
     typer.echo(json.dumps(schema, indent=2, ensure_ascii=False))
 
 
-def warmup_command(
-    background: Annotated[bool, typer.Option("--background", hidden=True)] = False,
-) -> None:
+def warmup_command(background: Annotated[bool, typer.Option("--background", hidden=True)] = False) -> None:
     """Compile the numerical kernels now and keep them.
 
     Without it, the first command that needs some has all others compiled in the background, at low priority.

@@ -53,8 +53,7 @@ def contact_between(
     if len(mine) == len(theirs) == 2:
         e = pose[:9].reshape(3, 3) @ (one.vertices[mine[1]] - one.vertices[mine[0]])
         g = two.vertices[theirs[1]] - two.vertices[theirs[0]]
-        across = np.linalg.norm(crossed(e, g))
-        parallel = bool(across <= DEFAULT.planarity * np.linalg.norm(e) * np.linalg.norm(g))
+        parallel = bool(np.linalg.norm(crossed(e, g)) <= DEFAULT.planarity * np.linalg.norm(e) * np.linalg.norm(g))
     return Contact(Feature(own, other), mine, theirs, parallel)
 
 

@@ -320,8 +320,7 @@ class DecisionCurve(NotebookRepr, Plain):
     @cached_property
     def _reach(self) -> Array:
         """Largest distance of a vertex from the seed of either body, (2,)."""
-        bodies = self.movable, self.static
-        return np.array([max(part.reach for part in body.parts) for body in bodies])
+        return np.array([max(part.reach for part in body.parts) for body in (self.movable, self.static)])
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
@@ -479,11 +478,7 @@ def _hanging(chain: Sequence[Run], spans: Sequence[tuple[Array, Array] | None]) 
 
 @known_arguments
 def decision_curve(
-    movable: Body,
-    static: Body,
-    *,
-    box: Sequence[Sequence[float]] = DEFAULT_BOX,
-    transform: ArrayLike | None = None,
+    movable: Body, static: Body, *, box: Sequence[Sequence[float]] = DEFAULT_BOX, transform: ArrayLike | None = None
 ) -> DecisionCurve:
     """Return the decision curve of two bodies.
 

@@ -87,8 +87,7 @@ class Union:
             made = []
             for stretch in chain:
                 k, number = self._visible.owners[stretch.piece].tolist()
-                cut = self.regions[k].piece(number).cut(stretch.lo, stretch.hi)
-                piece = _named(self.regions[k], cut, stretch.snug)
+                piece = _named(self.regions[k], self.regions[k].piece(number).cut(stretch.lo, stretch.hi), stretch.snug)
                 solid = not (self.movable.is_surface or self.static.is_surface)
                 several = (stretch.dropped or self.shared[k]) and solid
                 made.append(self._equals(piece) if several else [piece])
@@ -239,8 +238,7 @@ def _joined(chain: list[Piece]) -> list[Run]:
 
 
 def _parallel(one: Piece, two: Piece) -> bool:
-    cross = abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0])
-    return bool(cross <= DEFAULT.nominal)
+    return bool(abs(one.travel[0] * two.travel[1] - one.travel[1] * two.travel[0]) <= DEFAULT.nominal)
 
 
 def _one_line(one: Piece, two: Piece) -> bool:

@@ -91,16 +91,13 @@ class Flush:
 
     def carried_by(self, movable: Body, static: Body) -> Flush:
         """Return the contact with all part pairs of the bodies that have the elements which touch."""
-        touching = self.carriers[0][2]
-        return replace(self, carriers=tuple(_carriers(movable, static, touching)) or self.carriers)
+        return replace(self, carriers=tuple(_carriers(movable, static, self.carriers[0][2])) or self.carriers)
 
     def misfit(self, pose: Array, rho: Array) -> float:
         """Return how far the elements' vertices are from one plane, a length: 0 where they are flush."""
         # at a pose, (12,), R, row by row, and d, of body 1 from where it is drawn, see `kernels`, and scales, (2,)
         one, two = self._pair
-        n = self._normal_at(pose)
-        elements = placed_elements(one, two, pose, self.contact, rho)
-        return float(np.ptp(np.concatenate(elements) @ n))
+        return float(np.ptp(np.concatenate(placed_elements(one, two, pose, self.contact, rho)) @ self._normal_at(pose)))
 
     def shared(self, pose: Array, rho: Array) -> list[Array]:
         """Return the corners of what each host's elements share, (k, 3), relative to the seed of body 2."""

@@ -117,8 +117,7 @@ class _Pairs:
     def region(self, code: int) -> Region:
         """Return the region of a pair, walked when it is first asked for."""
         if code not in self.walked:
-            parts = divmod(code, self._count)
-            self.walked[code] = made = region_between(*self._bodies, self._transform, parts)
+            self.walked[code] = made = region_between(*self._bodies, self._transform, divmod(code, self._count))
             first, last = self._known, self._known + len(made.rows)
             if last > len(self._lines):
                 self._lines = np.concatenate([self._lines, np.empty((last, 3))])

@@ -145,9 +145,8 @@ class Region:
         # boundary
         if self._walked or self.state == kernels.GRAZING:
             return self.status == "empty"
-        rows = self.facet_rows
         sizes = np.array([*self._reach, np.linalg.norm(self.pose[9:])])
-        return bool((rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
+        return bool((self.facet_rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
 
     @cached_property
     def facet_rows(self) -> Array:
@@ -388,8 +387,7 @@ def _numbers(row: Array, start: Array | None, end: Array | None) -> Array:
 
 def _face(part: ConvexPart, vertices: Sequence[int]) -> int:
     sides = part.half_edges
-    around = sides[np.isin(sides[:, 0], vertices), 1]
-    return int(np.bincount(around).argmax())
+    return int(np.bincount(sides[np.isin(sides[:, 0], vertices), 1]).argmax())
 
 
 def _edge(part: ConvexPart, ends: Sequence[int]) -> int:

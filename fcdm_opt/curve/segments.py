@@ -226,8 +226,7 @@ class Branch:
 
 def in_box(point: Array, box: Box) -> bool:
     """Tell whether a scale pair lies in a box, or on its border within rounding."""
-    slack = DEFAULT.line * np.abs(point)
-    return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, slack, strict=True))
+    return all(lo - e <= x <= hi + e for x, (lo, hi), e in zip(point, box, DEFAULT.line * np.abs(point), strict=True))
 
 
 def is_point(piece: Piece) -> bool:

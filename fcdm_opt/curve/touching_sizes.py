@@ -177,8 +177,7 @@ class TouchingSizes:
     @property
     def box(self) -> Array:
         """Least and largest of each size, (k, 2)."""
-        own = np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2)
-        return np.vstack([own, self.ranges])
+        return np.vstack([np.array([size.tolerance for size in self.sizes], float).reshape(-1, 2), self.ranges])
 
     @cached_property
     def vanishing(self) -> tuple[float, str, dict[str, float]]:
@@ -206,8 +205,7 @@ class TouchingSizes:
                 with suppress(InputError):  # of several parts some end there; the body may be cut anew
                     moving.check(low, high)
                     factor = np.inf
-            names = [size.name for size in moving.sizes]
-            found.append((factor, where, dict(zip(names, corner.tolist(), strict=True))))
+            found.append((factor, where, dict(zip([size.name for size in moving.sizes], corner.tolist(), strict=True))))
         return min(found, key=lambda own: own[0])
 
     @cached_property
@@ -225,8 +223,7 @@ class TouchingSizes:
         """Return those of each part pair, (..., pairs)."""
         p = np.asarray(p, float)
         rows, starts = self.stacked
-        flat = p.reshape(-1, rows.shape[1] - 1)
-        heights = flat @ rows[:, 1:].T + rows[:, 0]
+        heights = p.reshape(-1, rows.shape[1] - 1) @ rows[:, 1:].T + rows[:, 0]
         return np.maximum.reduceat(heights, starts, axis=1).reshape(*p.shape[:-1], len(starts))
 
     def governing(self, p: Any) -> tuple[PairRows, int]:
@@ -454,8 +451,7 @@ def _slack_of_faces(part: MovingPart, *, room: bool = False) -> tuple[Array, Int
     normals, triples = part.part.normals, part.triples
     cones = np.linalg.inv(np.swapaxes(normals[triples], 1, 2))
     sign = -1.0 if room else 1.0
-    shares = np.einsum("txy,fy->ftx", cones, sign * normals)
-    facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
+    facet, corner = np.nonzero(np.einsum("txy,fy->ftx", cones, sign * normals).min(axis=2) >= -DEFAULT.tie)
     kept = ~(triples[corner] == facet[:, None]).any(axis=1)
     facet, corner = facet[kept], corner[kept]
     n = normals[facet]
@@ -527,8 +523,7 @@ def _near_enough(
     order = order[(apart.ravel()[order] > slack) & (apart.ravel()[order] < np.inf)][:CLOSEST]
     for i, j in zip(*np.unravel_index(order, apart.shape), strict=True):
         (x, room), (y, other) = each[0][i], each[1][j]
-        off = norms(x[:, None] - y) + norms(room)[:, None] + norms(other)
-        largest = min(largest, float(off.min()))
+        largest = min(largest, float((norms(x[:, None] - y) + norms(room)[:, None] + norms(other)).min()))
     return [*zip(*(rows.tolist() for rows in np.nonzero(apart <= largest)), strict=True)]
 
 
@@ -547,8 +542,7 @@ def _undone(values: Array, middle: Array, half: Array, near: float) -> Flags:
 
 def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple[Any, ...]:
     """Return rows of the facets of one part, each with the corners of the other that its normal's cone holds."""
-    shares = np.einsum("txy,fy->ftx", two.cones, -one.normals)
-    facet, corner = np.nonzero(shares.min(axis=2) >= -DEFAULT.tie)
+    facet, corner = np.nonzero(np.einsum("txy,fy->ftx", two.cones, -one.normals).min(axis=2) >= -DEFAULT.tie)
     n, kind = one.normals[facet], np.full(len(facet), int(swapped))
     rows = _heights(n, one, one.bases[facet], two, corner)
     return (-n, rows, corner, facet, kind) if swapped else (n, rows, facet, corner, kind)
@@ -556,9 +550,8 @@ def _face_rows(one: _PosedPart, two: _PosedPart, swapped: bool = False) -> tuple
 
 def _heights(n: Array, one: _PosedPart, own: Ints, two: _PosedPart, other: Ints) -> Array:
     """Return how far corners of one part are from those of another along directions, and how that changes."""
-    gaps = (n * (two.points[other] - one.points[own])).sum(axis=1)
     rates = np.einsum("mx,mxk->mk", n, two.moves[other]) - np.einsum("mx,mxk->mk", n, one.moves[own])
-    return np.column_stack([gaps, rates])
+    return np.column_stack([(n * (two.points[other] - one.points[own])).sum(axis=1), rates])
 
 
 def _edge_rows(one: _PosedPart, two: _PosedPart) -> tuple[Array, ...]:
@@ -589,8 +582,7 @@ def _on_lines(pair: PairRows, region: Region, shares: Array, size: float) -> Pai
         own = np.array([c - a - b, *-(shares.T @ piece.line[:2])])[np.append(0, 1 + scales)]
         off = np.abs(values[:, np.append(0, 1 + scales)] - own).max(axis=1) / size
         off = np.maximum(off, np.abs(pair.normals - piece.normal).max(axis=1))
-        near = np.flatnonzero(off <= DEFAULT.planarity)
-        values[near[:, None], np.append(0, 1 + scales)] = own
+        values[np.flatnonzero(off <= DEFAULT.planarity)[:, None], np.append(0, 1 + scales)] = own
     return pair._replace(values=values)
 
 
@@ -619,12 +611,10 @@ def _binding(pair: PairRows, box: Array) -> PairRows:
     places = np.vstack([
         np.zeros((1, count)), signs, -signs, np.random.default_rng(1).uniform(-1.0, 1.0, (SAMPLES, count)),
     ])  # fmt: skip
-    heights = (middle + places * half) @ values[:, 1:].T + values[:, 0]
     seen = np.zeros(len(values), bool)
-    seen[heights.argmax(axis=1)] = True
+    seen[((middle + places * half) @ values[:, 1:].T + values[:, 0]).argmax(axis=1)] = True
     for k in np.flatnonzero(~seen).tolist():
-        others = np.delete(np.arange(len(values)), k)
-        seen[k] = least_of(values[others] - values[k], box, sign=True)[0] < 0.0
+        seen[k] = least_of(values[np.delete(np.arange(len(values)), k)] - values[k], box, sign=True)[0] < 0.0
     return pair.some(np.flatnonzero(seen))
 
 

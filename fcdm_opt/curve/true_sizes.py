@@ -315,8 +315,7 @@ class TrueSizes:
     def apart(self) -> list[tuple[int, int]]:
         """Return part pairs that are not looked at: of pieces that meet others."""
         meeting = {*self._meeting_pieces()}
-        own = zip(self.bodies, self._piece_points, strict=True)
-        firsts = [len(body.parts) - len(points) for body, points in own]
+        firsts = [len(body.parts) - len(points) for body, points in zip(self.bodies, self._piece_points, strict=True)]
         return [
             (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
             if (i >= firsts[0] or j >= firsts[1])
@@ -352,8 +351,7 @@ class TrueSizes:
                 both = zip(map(true_faces, self.facets), rows, strict=True)
                 patches = [{faces.patch_of(row) for row in own} for faces, own in both]
                 self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
-        kept = tuple(own for own in found.pairs if not self._within_round(own))
-        return replace(found, pairs=kept or found.pairs)
+        return replace(found, pairs=tuple(own for own in found.pairs if not self._within_round(own)) or found.pairs)
 
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
         """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.

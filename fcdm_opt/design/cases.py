@@ -121,8 +121,7 @@ def case_rows(cases: Iterable[tuple[str, Bounded]]) -> list[dict[str, Any]]:
         row |= {key: getattr(solution, key) for key in OF_ALL}
         if isinstance(solution, AssemblySolution):
             for part, motion in solution.assembly.motions.items():
-                moved = _moved(motion, solution.parameters.get(part, {}))
-                row |= {f"{part}.{own}": x for own, x in moved.items()}
+                row |= {f"{part}.{own}": x for own, x in _moved(motion, solution.parameters.get(part, {})).items()}
         elif isinstance(solution, Solution):
             problem, (row["rho_1"], row["rho_2"]) = solution.problem, solution.pair.tolist()
             row |= {"requirement": problem.requirement, "goal": problem.goal, "pair_state": solution.pair_state}
@@ -144,5 +143,4 @@ def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
 def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Bounded]]) -> None:
     """Write a row for each named solution as CSV; what there is none of is left empty."""
     rows = case_rows(cases)
-    cells = ([*map(finite, row.values())] for row in rows)
-    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *cells])
+    to_csv(path, [list(rows[0]) if rows else list(COLUMNS), *([*map(finite, row.values())] for row in rows)])

@@ -252,8 +252,7 @@ class ContactGaps:
         rows, found = self.rows(transforms), list[GapClaims]()
         for (k, feature), own in self.contacts.items():
             claim = self.claim(self.relations[k], self.columns[k], transforms[k])
-            values = rows.values[own][:, [0, *(1 + column for column in self.columns[k])]]
-            gaps = AffineGaps(values, rows.normals[own])
+            gaps = AffineGaps(rows.values[own][:, [0, *(1 + column for column in self.columns[k])]], rows.normals[own])
             least, largest = _range(gaps, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
             if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without all other faces
@@ -291,8 +290,7 @@ class ContactGaps:
         for (k, feature), own in self.contacts.items():
             if k == relation:
                 parts = self.lines[own[0]].line.parts
-                features = [feature] * len(own)
-                pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], features))
+                pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], [feature] * len(own)))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
         return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
 

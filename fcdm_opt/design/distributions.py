@@ -172,8 +172,7 @@ class Measured(_Drawn):
         """Return the least values that at least the shares `u` of all values do not exceed, in the shape of `u`."""
         u = _shares(u)
         count = len(self.values)
-        place = np.ceil(u * count * _ONE_DOWN).astype(np.int64) - 1
-        return self.values[np.clip(place, 0, count - 1)]
+        return self.values[np.clip(np.ceil(u * count * _ONE_DOWN).astype(np.int64) - 1, 0, count - 1)]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Measured) and np.array_equal(self.values, other.values)

@@ -153,8 +153,7 @@ def _read(text: str, role: str, stamp: tuple[int, ...], sizes: tuple[Size, ...])
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = BodyTable(json.loads(text), role)
     beside = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    body = fit_for_sizes(table.checked.body(role, None), sizes)
-    return BodyTable({**plain_body(body), **beside}, role)
+    return BodyTable({**plain_body(fit_for_sizes(table.checked.body(role, None), sizes)), **beside}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)

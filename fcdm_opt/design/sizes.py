@@ -158,9 +158,8 @@ def sources(value: Any, *, positive: bool | Sequence[bool] | Flags = True) -> tu
         raise InputError(f"not rows of {count} sizes", key="sizes", found=f"shape {pairs.shape}", allowed=allowed)
     bad = np.flatnonzero(~(np.isfinite(pairs) & ((pairs > 0) | ~scales)).all(axis=1))
     if bad.size:
-        found = pairs[bad[0]].tolist()
         what = f"a size is not a {'positive' if scales.any() else 'finite'} number"
-        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=found, allowed=allowed)
+        raise InputError(what, key=f"sizes[{bad[0] + 1}]", found=pairs[bad[0]].tolist(), allowed=allowed)
     return frozen(pairs)
 
 
@@ -195,8 +194,7 @@ def all_sizes(scene: Scene, sizes: Any, box: Any) -> tuple[Sizes, tuple[str, ...
     if box is None:
         what = "scales of an assembly's parts have no tolerance, so no box of sizes follows from them"
         raise InputError(what, key="box", found=sizes, allowed="(low, high), the scales of all parts; or sizes by name")
-    ends = size_box([box, box], "box")[0]
-    return Sizes(frozen(np.tile(ends, (len(parts), 1)))), parts
+    return Sizes(frozen(np.tile(size_box([box, box], "box")[0], (len(parts), 1)))), parts
 
 
 def drawn_pairs(

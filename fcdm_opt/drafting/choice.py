@@ -180,8 +180,7 @@ def _simpler(situation: Situation, choice: Choice) -> Choice:
     moves = any(answer.amount > 0 for answer in choice.usable.values())
     if len(choice.motion.steps) == 1 or (axis is None and moves):
         return choice
-    motion = Translation(named(situation.normal if axis is None else axis))
-    less = _tried(situation, choice.goal, motion)
+    less = _tried(situation, choice.goal, Translation(named(situation.normal if axis is None else axis)))
     return less if less is not None and len(less.usable) == len(choice.usable) else choice
 
 

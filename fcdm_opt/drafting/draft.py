@@ -148,11 +148,10 @@ def draft(
     of_faces = choice.goal in ("touch", "clear") and all(map(all_recognised, (one, two)))
     if not (of_faces or (choice.usable and all(own.exact_of_mesh for own in choice.usable.values()))):
         warned += known_to(one, [two], lengths)
-    steps = repr(float(f"{situation.size / 10000.0:.1g}"))
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
         "limits": partial(_limits, situation, choice),
-        "steps": partial(parameter_table, length=steps, angle="0.1"),
+        "steps": partial(parameter_table, length=repr(float(f"{situation.size / 10000.0:.1g}")), angle="0.1"),
         "moved": partial(_moved, unit=lengths),
         "short": partial(short, bodies=(one, two)),
         "why_not": _why_not,
@@ -495,8 +494,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     limit = len(found) + most
 
     def rank(own: tuple[float, int, int]) -> tuple[bool, float]:
-        far = max(nearest[end, own[0] > 0.0] for end in own[1:])
-        return abs(own[0]) > far, -abs(own[0])
+        return abs(own[0]) > max(nearest[end, own[0] > 0.0] for end in own[1:]), -abs(own[0])
 
     for width, i, j in sorted(over, key=rank):
         key = (*np.rint(np.abs(normals[i]) * 1e6).astype(int).tolist(), round(width / body.size * 1e6))

@@ -254,8 +254,7 @@ class Situation:
                 axis = np.where(np.abs(axis) <= UNMEANT, 0.0, axis) / float(norms(axis))
                 mean = sign * areas.sum(axis=0) / norms(areas).sum()
                 along = float(mean @ axis)
-                across = mean - along * axis
-                if float(norms(across)) > ONE_SIDE:
+                if float(norms(mean - along * axis)) > ONE_SIDE:
                     return mean / float(norms(mean))
                 if abs(along) > STRAIGHT:
                     return axis * np.sign(along)

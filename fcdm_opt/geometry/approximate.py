@@ -110,8 +110,7 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         work += len(triangles)
         centres = triangles.mean(axis=1)
         off, nearest = tree.query(centres, NEAREST)
-        around = surface[owners[nearest]]
-        bounds = distances(triangles[:, None], around).max(axis=2).min(axis=1)
+        bounds = distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
         if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
         left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
@@ -148,5 +147,4 @@ def _samples(triangles: Array) -> tuple[Array, Ints]:
 def _quartered(triangles: Array) -> Array:
     a, b, c = triangles.transpose(1, 0, 2)
     d, e, f = (b + c) / 2, (c + a) / 2, (a + b) / 2
-    pieces = [np.stack(own, axis=1) for own in ((a, f, e), (f, b, d), (e, d, c), (d, e, f))]
-    return np.vstack(pieces)
+    return np.vstack([np.stack(own, axis=1) for own in ((a, f, e), (f, b, d), (e, d, c), (d, e, f))])

@@ -285,14 +285,7 @@ class Body(_Sealed, NotebookRepr):
 
     @classmethod
     @known_arguments
-    def convex(
-        cls,
-        vertices: ArrayLike,
-        *,
-        seed: Seed = "centroid",
-        name: str = "body",
-        unit: UnitOrNone = "",
-    ) -> Body:
+    def convex(cls, vertices: ArrayLike, *, seed: Seed = "centroid", name: str = "body", unit: UnitOrNone = "") -> Body:
         """Return the convex hull of points as a body.
 
         Parameters
@@ -501,8 +494,7 @@ class Body(_Sealed, NotebookRepr):
 
         whole = self.full_body or self
         parts = [part.vertices[fans(part.loops)] for part in whole.parts]
-        text = mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name)
-        write(path, text)
+        write(path, mesh_text(path, [whole.face_triangles[0]] if whole.triangles else parts, self.name))
 
     @classmethod
     def _side_by_side(cls, solids: Sequence[Body], seed: Seed, name: str) -> Body:
@@ -711,13 +703,11 @@ class Body(_Sealed, NotebookRepr):
 
     def subset(self, indices: Sequence[int]) -> Body:
         """Return the body with some of its parts alone, by number from 0; the full one stays with it."""
-        parts = tuple(self.parts[k] for k in indices)
-        return replace(self, parts=parts, full_body=self, part_indices=tuple(indices))
+        return replace(self, parts=tuple(self.parts[k] for k in indices), full_body=self, part_indices=tuple(indices))
 
     def _in(self, unit: str) -> Body:
         if unit not in ("", *NANOMETRES):
-            allowed = ", ".join(NANOMETRES)
-            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=allowed)
+            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=", ".join(NANOMETRES))
         return self if unit == self.unit else replace(self, unit=cast("UnitOrNone", unit))
 
     def _mapped(self, rows: Any) -> Body:
@@ -773,18 +763,12 @@ class Body(_Sealed, NotebookRepr):
 
     def placed_vertices(self, rho: float, transform: Array) -> Array:
         """Return all vertices, scaled about the seed and then moved, (n, 3)."""
-        scaled = self.seed + rho * (self.vertices - self.seed)
-        return scaled @ transform[:3, :3].T + transform[:3, 3]
+        return (self.seed + rho * (self.vertices - self.seed)) @ transform[:3, :3].T + transform[:3, 3]
 
 
 @known_arguments
 def as_body(
-    x: Any,
-    *,
-    seed: Seed = "centroid",
-    name: str = "body",
-    decomposition: Method = "auto",
-    unit: UnitOrNone = "",
+    x: Any, *, seed: Seed = "centroid", name: str = "body", decomposition: Method = "auto", unit: UnitOrNone = ""
 ) -> Body:
     """Return a body from a solid in any of the usual forms.
 

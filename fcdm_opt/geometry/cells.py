@@ -130,8 +130,7 @@ class Arrangement:
     def parallel(self, plane: int, points: tuple[int, int]) -> int:
         """Return the plane in parallel to another through the middle of two points, added if there is none."""
         known = np.abs(self.normals @ self.normals[plane]) >= 1.0 - self.slack
-        level = self.local[list(points)].mean(axis=0)
-        known &= np.abs(self.normals @ level - self.levels) <= self.slack
+        known &= np.abs(self.normals @ self.local[list(points)].mean(axis=0) - self.levels) <= self.slack
         if known.any():
             return int(np.flatnonzero(known)[0])
         corners = [np.array(self.exact[k]) for k in np.flatnonzero(self.signs[plane] == 0)]
@@ -147,26 +146,23 @@ class Arrangement:
     def cut(self, a: int, b: int, plane: int) -> int:
         """Return the point in which the edge from a to b, on different sides of a plane, crosses it."""
         key = (min(a, b), max(a, b), plane)
-        if key not in self._cuts:
-            self._cuts[key] = self._added(key)
-        return self._cuts[key]
-
-    def point(self, coordinates: Array) -> int:
-        """Add a point, given in floats; return its row."""
-        return self._placed(_exactly(coordinates))
-
-    def _added(self, key: tuple[int, int, int]) -> int:
-        a, b, plane = key
+        if key in self._cuts:
+            return self._cuts[key]
+        a, b, _ = key
         above, below = self._height(a, plane), self._height(b, plane)
         share = above / (above - below)
         point = tuple(x + share * (y - x) for x, y in zip(self.exact[a], self.exact[b], strict=True))
         if not self.planar:  # drawn faces that are no planes: rounded now, or digits multiply from cut to cut
             point = _exactly([_rounded(x) for x in point])
-        row = self._placed(point)
+        self._cuts[key] = row = self._placed(point)
         on = (self.signs[:, a] == 0) & (self.signs[:, b] == 0)
         on[plane] = True
         self.signs[on, row] = 0
         return row
+
+    def point(self, coordinates: Array) -> int:
+        """Add a point, given in floats; return its row."""
+        return self._placed(_exactly(coordinates))
 
     def _placed(self, point: Point) -> int:
         """Return the row of a point, added unless it is there already."""

@@ -240,8 +240,7 @@ class ScaledPair:
                 return float("nan")
             first = (here + rho_1 * (exactly(one.part.vertices) - here)) @ T[:3, :3].T + T[:3, 3]
             second = there + rho_2 * (exactly(two.part.vertices) - there)
-            gap = max(_exact_gap(first, second, place) for place in places)
-            least[0] = min(least[0], gap / frame.unit)
+            least[0] = min(least[0], max(_exact_gap(first, second, place) for place in places) / frame.unit)
         return float(least[0] * frame.unit)
 
     def gradients(self, rho: ArrayLike, transform: Array, slack: float) -> Array:
@@ -417,8 +416,7 @@ def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
 
 def _explicit(one: _Hull, two: _Hull, frame: _Frame) -> float:
     """Return the signed distance of two hulls from their vertices, in units; nan for very large parts that overlap."""
-    way = _towards(one, two, frame)
-    gap = float(_gaps_along(way[None], one, two, frame)[0])
+    gap = float(_gaps_along(_towards(one, two, frame)[None], one, two, frame)[0])
     return gap if gap > 0.0 or len(one.edges) * len(two.edges) <= EXHAUSTIVE else float("nan")
 
 
@@ -429,8 +427,7 @@ def _best_directions(one: _Hull, two: _Hull, frame: _Frame) -> list[Direction]:
         return []
     rows = [(np.arange(len(hull.part.loops)), np.arange(len(hull.edges))) for hull in (one, two)]
     faces, edges = zip(*rows, strict=True)
-    best = np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist()
-    return [_named(one, two, k, faces, edges) for k in best]
+    return [_named(one, two, k, faces, edges) for k in np.flatnonzero(gaps >= np.nanmax(gaps) - DEFAULT.tie).tolist()]
 
 
 def _named(one: _Hull, two: _Hull, k: int, faces: Rows, edges: Rows) -> Direction:
@@ -471,5 +468,4 @@ def _exact_gap(first: NDArray[np.object_], second: NDArray[np.object_], directio
         a, b, c = first[list(one)] if one else second[list(two)]
         u, v = b - a, c - a
     n = sign * np.cross(u, v)
-    gap = (second @ n).min() - (first @ n).max()
-    return float(gap / Fraction(float(np.linalg.norm(n.astype(float)))))
+    return float(((second @ n).min() - (first @ n).max()) / Fraction(float(np.linalg.norm(n.astype(float)))))

@@ -58,8 +58,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
             [Element("E", (v, w)) for v, w in pair.tolist()],
             [Element("F", tuple(sorted(used[list(loop)].tolist()))) for loop in hull.loops],
         )
-        edges = frozen(hull.edges, np.int64)
-        parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, edges, named))
+        parts.append(ConvexPart(frozen(corners[hull.used]), body.seed, hull.loops, frozen(hull.edges, np.int64), named))
         made.append(PointPiece(count + 1, count + len(corners), of, frozen(normals)))
         count += len(corners)
         rows.append(corners)

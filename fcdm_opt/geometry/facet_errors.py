@@ -470,8 +470,7 @@ def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags,
     faces, their = np.repeat(owners, 3), corners.ravel()
     order = np.argsort(their, kind="stable")
     ends = np.searchsorted(their[order], np.arange(count + 1))
-    touched = np.unique(corners[off[owners] != 0.0])
-    for v in touched.tolist():
+    for v in np.unique(corners[off[owners] != 0.0]).tolist():
         rows = order[ends[v] : ends[v + 1]]
         own, k = np.unique(faces[rows], return_index=True)
         n, h = side * normals[rows[k] // 3], np.abs(off[own])

@@ -43,9 +43,7 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
     if joined:
         groups += _connected(distinct, triangles, slack) + sections(distinct, triangles, slack)
     groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
-    if not groups:
-        return vertices
-    return settled(distinct, Incidences.of(groups), slack)[same]
+    return settled(distinct, Incidences.of(groups), slack)[same] if groups else vertices
 
 
 @dataclass(frozen=True, eq=False)

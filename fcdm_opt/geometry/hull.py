@@ -50,8 +50,7 @@ def convex_hull(points: Array, rows: Ints, key: str) -> Hull:
         first, same = distinct_rows(points)
         triangles = first[same][triangles]
     while (dropped := _needless(local, triangles, normals)).size:
-        kept = np.setdiff1d(triangles, dropped)
-        triangles, normals = _triangulated(local, kept, frame, key)
+        triangles, normals = _triangulated(local, np.setdiff1d(triangles, dropped), frame, key)
     corners, sizes = _faces(local, triangles, key)
     used = np.flatnonzero(np.bincount(corners))
     place = np.zeros(len(points), np.int64)

@@ -138,8 +138,7 @@ def _incidences(
             spans[int(plane[k])] = np.array(ways)[square][:1].T
         elif along.any():
             _, sizes, axes = np.linalg.svd(np.array(ways)[along])
-            rank = int((sizes > DEFAULT.sharp).sum())
-            spans[int(plane[k])] = axes[rank:].T
+            spans[int(plane[k])] = axes[int((sizes > DEFAULT.sharp).sum()) :].T
     if off <= tight:
         return None
     flat = np.repeat(np.arange(len(every)), np.diff(first))

@@ -136,9 +136,8 @@ def winding_numbers(points: Array, corners: Array) -> Array:
             lengths = norms(spokes)
             a, b, c = spokes[:, :, 0], spokes[:, :, 1], spokes[:, :, 2]
             la, lb, lc = lengths[:, :, 0], lengths[:, :, 1], lengths[:, :, 2]
-            top = dots(a, cross(b, c))
             bottom = la * lb * lc + dots(a, b) * lc + dots(b, c) * la + dots(c, a) * lb
-            total[own] += np.arctan2(top, bottom).sum(axis=1)
+            total[own] += np.arctan2(dots(a, cross(b, c)), bottom).sum(axis=1)
     return total / (2 * np.pi)
 
 

@@ -292,8 +292,7 @@ def _shells(surface: Faces) -> Ints:
     several = np.flatnonzero(sides.counts > 2).tolist()
     wedges = [sides.wedges(surface.points, normals, own, inwards=inwards) for own in several]
     beside = np.array([pair for own in wedges for pair in own]).reshape(-1, 2)
-    both = np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]])
-    return components(both, len(surface.polygons))
+    return components(np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]]), len(surface.polygons))
 
 
 def solids(points: Array, polygons: Sequence[Polygon]) -> list[Ints]:
@@ -320,7 +319,5 @@ def solids(points: Array, polygons: Sequence[Polygon]) -> list[Ints]:
 def _is_inside(inner: Array, outer: Array) -> bool:
     """Tell whether one closed surface lies inside another that it does not cross, by its large triangles' middles."""
     sizes = np.ptp(inner, axis=1).max(axis=1)
-    middles = inner[np.argsort(-sizes)[:8]].mean(axis=1)
-    turns = np.abs(winding_numbers(middles, outer))
-    clearest = np.abs(turns - np.round(turns)).argmin()
-    return bool(turns[clearest] > 0.5)
+    turns = np.abs(winding_numbers(inner[np.argsort(-sizes)[:8]].mean(axis=1), outer))
+    return bool(turns[np.abs(turns - np.round(turns)).argmin()] > 0.5)

@@ -116,8 +116,7 @@ def moved_surfaces(body: Body, offsets: Array) -> RoundFaces | None:
         if moved is None:
             return None
         if moved.any():  # else its corners stay where their file has them
-            away = side_of(body, surface, rows[0]) * float(moved[0])
-            surface = surface.offset(away, moved[1:4], float(moved[4]))
+            surface = surface.offset(side_of(body, surface, rows[0]) * float(moved[0]), moved[1:4], float(moved[4]))
         found.append((surface, rows))
     return tuple(found)
 

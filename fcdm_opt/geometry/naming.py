@@ -86,8 +86,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
         if surface.line is not None and surface.line[1] != 0.0:
             ends = corners[np.isin(owners, rows)].reshape(-1, 3) - surface.origin
             away = norms(ends - (ends @ surface.axis)[:, None] * surface.axis)
-            name = f"{ROUND_KINDS[4 + inside]} radius {_ends(away)}"
-            found.append(Round(name, surface, faces))
+            found.append(Round(f"{ROUND_KINDS[4 + inside]} radius {_ends(away)}", surface, faces))
         elif surface.line is not None or not surface.ring:
             kind = ROUND_KINDS[(0 if surface.line is not None else 2) + inside]
             found.append(Round(f"{kind} radius {radius_text(surface.radius)}", surface, faces))
@@ -115,8 +114,7 @@ def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[La
     if (drawn := body.drawn) is not None:  # surfaces that are told are in the same order, whatever labels faces have
         before = _looks(drawn)[1] if body.surfaces is not None else rounds if drawn.faces == body.faces else []
         known = names_of_faces(drawn, four_digits=four_digits)
-        numbers = [NUMBER.search(known.get(own.faces[0], "")) for own in before]
-        alike = zip(called, numbers, strict=False)
+        alike = zip(called, [NUMBER.search(known.get(own.faces[0], "")) for own in before], strict=False)
         as_drawn = {k: name + (number[0] if number else "") for k, (name, number) in enumerate(alike)}
         if len(set(as_drawn.values())) == len(names):  # else sizes have made faces alike that are not as drawn
             names = as_drawn
@@ -156,8 +154,7 @@ def told_element(body: Body, element: Element) -> str:
         return f"{told} (facing {side})" if side else told
     sides = [names[face][0] for face in body.faces_with(label) if face in names]
     few = len(body.vertices) <= NUMBERED
-    ends = [str(v) if few else _place(body.vertices[v - 1]) for v in label]
-    return _edge_or_corner(element.kind, sides, ends)
+    return _edge_or_corner(element.kind, sides, [str(v) if few else _place(body.vertices[v - 1]) for v in label])
 
 
 def rows_of_element(body: Body, element: Element) -> list[int]:
@@ -279,9 +276,8 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
             up = bool(normal[k] > 0.0)
             if abs(normal[k]) >= 1.0 - DEFAULT.side and abs((high if up else low)[k] - corner[k]) <= slack:
                 ends[face] = ENDS[k][up]
-    numbered = numbered_names([*ends.values()])
     named = {face: f"face {number}" for number, face in enumerate(body.faces, 1) if face in normals}
-    named.update(zip(ends, numbered, strict=True))
+    named.update(zip(ends, numbered_names([*ends.values()]), strict=True))
     return {face: name for face, name in named.items() if len(face) >= least}
 
 
@@ -440,8 +436,7 @@ def side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     some, places = np.unique(pairs, return_inverse=True)
     if len(some) < fewest:
         return []
-    groups = groups_of(components(places.reshape(-1, 2), len(some)))
-    return [some[group] for group in groups if len(group) >= fewest]
+    return [some[group] for group in groups_of(components(places.reshape(-1, 2), len(some))) if len(group) >= fewest]
 
 
 def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> Round | None:

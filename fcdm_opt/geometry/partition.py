@@ -186,9 +186,8 @@ def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
     distance = ((middle[:, None] - middle) ** 2).sum(axis=2)
     # of the triangles on edge i with a corner at an end of edge j
     across = cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
-    area = (across**2).sum(axis=3).max(axis=0)
     flat = np.abs((across[0] * along).sum(axis=2)) <= space.slack
-    flat &= area > space.slack**2
+    flat &= (across**2).sum(axis=3).max(axis=0) > space.slack**2
     beside = [{facet.plane for facet in own} for own in reflex.values()]
     found = []
     for i, row in enumerate(np.argsort(distance, axis=1, kind="stable")):

@@ -73,8 +73,7 @@ def clipped(polygon: Array, heights: Array) -> Array:
 
 def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
     """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
-    ways = units(cross(normal, following(outline) - outline))
-    for base, way in zip(outline, ways, strict=True):
+    for base, way in zip(outline, units(cross(normal, following(outline) - outline)), strict=True):
         polygon = clipped(polygon, (polygon - base) @ way + slack)
     return polygon
 
@@ -88,8 +87,7 @@ def area(polygon: Array) -> float:
 def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     """Tell which convex polygons, (k, c, 3), counter-clockwise about normals, hold points of their planes, (m, k)."""
     inward = units(cross(normals[:, None], following(polygons) - polygons))
-    depth = ((points[:, None, None] - polygons) * inward).sum(axis=3)
-    return (depth >= -slack).all(axis=2)
+    return (((points[:, None, None] - polygons) * inward).sum(axis=3) >= -slack).all(axis=2)
 
 
 def distances(points: Array, polygons: Array) -> Array:
@@ -104,8 +102,7 @@ def distances(points: Array, polygons: Array) -> Array:
     broad = length > DEFAULT.nominal * dots(along, along).max(axis=-1)  # of slivers the rim tells as much
     length = np.where(broad, length, 1.0)
     above = broad & (dots(cross(normal[..., None, :], along), spokes).min(axis=-1) >= 0)
-    height = np.abs(dots(spokes[..., 0, :], normal)) / length
-    return np.asarray(np.where(above, height, rim))
+    return np.asarray(np.where(above, np.abs(dots(spokes[..., 0, :], normal)) / length, rim))
 
 
 def coplanar(
@@ -115,8 +112,7 @@ def coplanar(
     from scipy.spatial import cKDTree
 
     counts = np.array([len(own) for own in polygons])
-    starts = np.cumsum(counts) - counts
-    middles = np.add.reduceat(points[np.concatenate(polygons)], starts) / counts[:, None]
+    middles = np.add.reduceat(points[np.concatenate(polygons)], np.cumsum(counts) - counts) / counts[:, None]
     size = float(np.abs(points).max())
     wide = slack + ROUNDING * size
     # the plane of a polygon that is not slim differs little from each that it lies in, so that a tree finds it
@@ -204,8 +200,7 @@ def triangulated(
 
 def _in_plane(local: Array, normal: Array) -> Array:
     """Return plane coordinates, (k, 2): counter-clockwise about the normal stays so."""
-    least = np.eye(3)[np.abs(normal).argmin()]
-    first = np.cross(normal, least)
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     first /= np.sqrt(first @ first)
     return local @ np.column_stack([first, np.cross(normal, first)])
 
@@ -239,9 +234,8 @@ def _ears(flat: Array, slack: float) -> Ints | None:
 def _covered(triangle: Array, points: Array, slack: float) -> bool:
     """Tell whether one of the points lies in or on a triangle."""
     sides = np.roll(triangle, -1, axis=0) - triangle
-    lengths = np.sqrt((sides**2).sum(axis=1))
     inward = _cross2(sides[:, None], points - triangle[:, None])
-    return bool((inward >= -slack * lengths[:, None]).all(axis=0).any())
+    return bool((inward >= -slack * np.sqrt((sides**2).sum(axis=1))[:, None]).all(axis=0).any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,8 +284,7 @@ class Sides:
     @property
     def unequal(self) -> Ints:
         """Sides of edges that are run along more often one way than the other."""
-        ways = np.where(self.origin < self.end, 1, -1)
-        return np.flatnonzero(np.bincount(self.edge, ways)[self.edge])
+        return np.flatnonzero(np.bincount(self.edge, np.where(self.origin < self.end, 1, -1))[self.edge])
 
     def wedges(self, points: Array, normals: Array, edge: int, *, inwards: bool) -> list[tuple[int, int]]:
         """Return the pairs of polygons between which material at an edge lies, by their normals out of or into it."""

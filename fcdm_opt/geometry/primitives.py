@@ -334,8 +334,7 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
         for surface, faces in round_surfaces(own):
             rows = list(faces)
             cosines = normals @ turns[rows].T
-            heights = (turns[rows] * places[rows]).sum(axis=1)
-            off = np.abs(levels[:, None] - np.sign(cosines) * heights)
+            off = np.abs(levels[:, None] - np.sign(cosines) * (turns[rows] * places[rows]).sum(axis=1))
             alike = np.flatnonzero(((np.abs(cosines) >= 1.0 - DEFAULT.nominal) & (off <= near)).any(axis=1))
             # facets of two pins side by side may be in one plane
             bow = np.abs(surface.misses(facets[np.isin(owners, rows)].mean(axis=1))[0]).max()
@@ -347,9 +346,8 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
     planes = [Swept.plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
-    touched = np.unique(corners[owners < len(surfaces)])
     moved, every, at = points.copy(), [*surfaces, *planes], groups_of(corners)
-    for v in touched.tolist():
+    for v in np.unique(corners[owners < len(surfaces)]).tolist():
         meeting = [every[k] for k in np.unique(owners[at[v]]).tolist()]
         for _ in range(STEPS):
             misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)

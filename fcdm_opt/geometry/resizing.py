@@ -416,8 +416,7 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
         rates[: len(known)] = known
     moves = MovesOfFaces.of(drawn, (size,))
     for piece in body.exact.pieces:
-        move = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)
-        rates[piece.first - 1 : piece.last] = move[:, 0]
+        rates[piece.first - 1 : piece.last] = moves.at(body.vertices[piece.first - 1], piece.rows, piece.normals)[:, 0]
     return rates
 
 
@@ -471,8 +470,7 @@ def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[i
     near, found, changed = DEFAULT.planarity * moving.body.size, [], dict[int, Array]()
     for k, own in enumerate(moving.parts):
         depth, change = own.slack
-        inside = depth + change @ values
-        low = np.where(np.isinf(depth), np.inf, inside).min(axis=0)
+        low = np.where(np.isinf(depth), np.inf, depth + change @ values).min(axis=0)
         points = own.at(values)
         if own.split.any():  # of a corner that splits those triples that no other of its facets cuts off
             points = changed[k] = points[(np.where(np.isinf(depth), change @ values, 0.0) >= -near).all(axis=1)]
@@ -645,8 +643,7 @@ def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
             (parts, surface.points[surface.triangles]),
         )
     )
-    near = DEFAULT.nominal * drawn[1]
-    if abs(drawn[0] - drawn[1]) <= near < abs(made[0] - made[1]):
+    if abs(drawn[0] - drawn[1]) <= DEFAULT.nominal * drawn[1] < abs(made[0] - made[1]):
         raise InputError("the parts that it is cut into no longer fill it")
 
 
@@ -669,8 +666,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     on = np.abs(corners @ part.normals.T - levels) <= near
     if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
         raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
-    held = np.unique(on, axis=0)
-    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in held])
+    return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in np.unique(on, axis=0)])
 
 
 def _kept_numbers(

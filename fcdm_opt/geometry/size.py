@@ -403,8 +403,7 @@ def _offsets(size: Size, body: Body) -> Array:
 def direction(normal: Array) -> str:
     """Return an outward normal in words: "+x", or its three numbers."""
     k = int(np.abs(normal).argmax())
-    rest = np.delete(normal, k)
-    if np.abs(rest).max() <= DEFAULT.nominal:
+    if np.abs(np.delete(normal, k)).max() <= DEFAULT.nominal:
         return f"{'-' if normal[k] < 0 else '+'}{'xyz'[k]}"
     return f"({', '.join(number_text(x, 4) for x in normal.tolist())})"
 

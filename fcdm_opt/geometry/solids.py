@@ -64,8 +64,7 @@ class SolidSurface:
     @cached_property
     def shells(self) -> list[Ints]:
         """Rows of the points of each closed surface that no edge connects with another."""
-        sides = np.concatenate([self.triangles[:, :2], self.triangles[:, 1:]])
-        return groups_of(components(sides, len(self.points)))
+        return groups_of(components(np.concatenate([self.triangles[:, :2], self.triangles[:, 1:]]), len(self.points)))
 
 
 solid_surface = cached_of_whole(SolidSurface)  # of the solid that a body, or some of its parts, stands for

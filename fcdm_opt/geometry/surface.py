@@ -119,8 +119,7 @@ class Surface:
         if not len(points):
             return np.zeros(0, bool)
         near = self._polygons_near(face, points)
-        held = hold(near, self.planes[0][[face]], points, DEFAULT.nominal * self.size)
-        return np.asarray(held.any(axis=1))
+        return np.asarray(hold(near, self.planes[0][[face]], points, DEFAULT.nominal * self.size).any(axis=1))
 
     def area_within(self, face: int, outline: Array) -> float:
         """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""

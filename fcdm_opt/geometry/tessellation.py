@@ -101,8 +101,7 @@ class Swept(NamedTuple):
         else:
             tube = far - self.ring
             long = np.maximum(np.hypot(tube, along), _TINY)
-            normal = self.misses(points)[1]
-            turned = cross(normal, around)
+            turned = cross(self.misses(points)[1], around)
             flat = (turned[:, :, None] * turned[:, None, :]) / long[:, None, None]
             rate = rate * tube / long
         return np.asarray(flat + rate[:, None, None] * around[:, :, None] * around[:, None, :])
@@ -242,8 +241,7 @@ def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tup
     flat = np.flatnonzero(owners < 0)
     _, first, which = np.unique(rows[flat], return_index=True, return_inverse=True)
     owners[flat] = len(surfaces) + which.reshape(-1)
-    normals = unit_normals(corners[flat[first]])
-    surfaces += map(Swept.plane, corners[flat[first], 0], normals)
+    surfaces += map(Swept.plane, corners[flat[first], 0], unit_normals(corners[flat[first]]))
     return surfaces, owners
 
 

@@ -91,8 +91,7 @@ class FacePieces(NamedTuple):
                 out = np.where(own[:, None], _out(found.corners, rim) - rim.radius, np.inf)
                 on = np.abs(out) <= near
                 k, sides = np.nonzero(on & np.roll(on, -1, axis=1) & (found.others < 0))
-                ends = np.stack([found.corners[k, sides], found.corners[k, (sides + 1) % 3]], axis=1)
-                chords = beyond(ends)
+                chords = beyond(np.stack([found.corners[k, sides], found.corners[k, (sides + 1) % 3]], axis=1))
                 found.others[k[chords], sides[chords]] = hole
                 side, points = _crossing(found.corners, out, rim, near, beyond)
                 kept, cut = side < 0, side >= 0
@@ -310,8 +309,7 @@ class FacesApart:
         sides = np.roll(across, -1, axis=1) - across
         share = -(across * sides).sum(axis=2) / np.maximum((sides**2).sum(axis=2), SMALLEST)
         near, others = norms(across + np.clip(share, 0.0, 1.0)[..., None] * sides), own.others[rows]
-        straight = (others < 0) | plane[others]
-        near = steep * (near - np.where(straight, 0.0, own.errors[rows, None]))
+        near = steep * (near - np.where((others < 0) | plane[others], 0.0, own.errors[rows, None]))
         near = near - slope * ((own.corners[rows] - surface.origin) @ surface.axis)
         near = np.where(others == number, surface.radius, near)
         up = cross(sides[:, 0], sides[:, 1]) if surface.line is None else np.broadcast_to(surface.axis, (len(rows), 3))

@@ -233,8 +233,7 @@ def _true_edges(
     ends = np.unique(np.vstack([np.sort(same[hull.used[hull.edges[:, :2]]], axis=1) for hull in hulls]), axis=0)
     known, cut = np.unique(same[known]), dict[tuple[int, int], list[tuple[int, int]]]()
     for a, b in ends.tolist():
-        pieces = pairwise([a, *between(points, (a, b), known, slack), b])
-        cut[a, b] = [(min(piece), max(piece)) for piece in pieces]
+        cut[a, b] = [(min(piece), max(piece)) for piece in pairwise([a, *between(points, (a, b), known, slack), b])]
     lows, highs = triangles.min(axis=1) - slack, triangles.max(axis=1) + slack
     edges, hidden = dict[tuple[int, int], frozenset[int]](), set[tuple[int, int]]()
     for a, b in dict.fromkeys(piece for own in cut.values() for piece in own):

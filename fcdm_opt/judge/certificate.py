@@ -27,7 +27,7 @@ from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
-from fcdm_opt.judge.claimed_contact import Claim, Proof, carriers, least_errors
+from fcdm_opt.judge.claimed_contact import Claim, carriers, least_errors
 from fcdm_opt.judge.engagement import inside_fit, outside_fit
 from fcdm_opt.judge.true_faces import gap_of_true_faces
 from fcdm_opt.judge.whole import Outside, WholeSurfaces
@@ -135,8 +135,7 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
         stages = (*found, judge.sides, judge.path, judge.seats)
         last = judge.pair, judge.true_faces, judge.scene
         checks = (finite, *(check for stage in (*stages, *last) for check in stage()))
-    stored = same_as_read(solution, checks, solution.problem.contact_slack)
-    return (*checks, *stored, *_same_derivatives(solution))
+    return (*checks, *same_as_read(solution, checks, solution.problem.contact_slack), *_same_derivatives(solution))
 
 
 def same_as_read(solution: Bounded, checks: Sequence[Check], slack: float) -> tuple[Check, ...]:
@@ -509,8 +508,7 @@ class _Judge:
         bodies, drawn = self.problem.active, (self.problem.movable, self.problem.static)
         self.outside: Outside | None = None
         if kept_as_surface(*bodies):
-            surfaces = WholeSurfaces(*drawn, self.problem.target, self.transform)
-            *near, self.outside = surfaces.looked_at()
+            *near, self.outside = WholeSurfaces(*drawn, self.problem.target, self.transform).looked_at()
             if not (self.problem.goal in TRACKING or self.problem.contacts):  # else others may be near, or open
                 bodies = near[0], near[1]
         self.bodies = bodies
@@ -521,8 +519,7 @@ class _Judge:
         gaps = self._gaps(np.array(pairs))
         self.gap, self.pair_gap = gaps[0], gaps[-1]
         if self.outside is not None and (self.outside.inside or self.pair_gap < -self.limit):
-            depth = PlacedSolids(*drawn, self.problem.target, self.transform).depth
-            self.pair_gap = min(-depth, self.pair_gap)
+            self.pair_gap = min(-PlacedSolids(*drawn, self.problem.target, self.transform).depth, self.pair_gap)
 
     # ------------------------------------------------------------------------------------------------------ stages
 
@@ -686,8 +683,7 @@ class _Judge:
     def _worst(name: str, found: list[tuple[float, float, Array, bool]]) -> Check:
         """Return a check of gaps against their limits: of the first that fails, or else of the first."""
         gap, limit, step, _ = next((own for own in found if not own[-1]), found[0])
-        passed = all(own[-1] for own in found)
-        return Check(name, passed, gap, limit, f"with the scales changed by {_pair(step)}")
+        return Check(name, all(own[-1] for own in found), gap, limit, f"with the scales changed by {_pair(step)}")
 
     def _side(self, claim: Claim) -> _Side | None:
         """Return how a claim's part pair opens and closes across its line; None where no scales change it."""
@@ -717,8 +713,7 @@ class _Judge:
                 return _Side(step, before, after, least, snug=True)  # beside a plane that no change of the scales moves
             upward = _across(more) if len(more) else np.zeros(2)
             if len(more) and (more @ upward).min() > flat:
-                wider = self._step(more, upward)
-                after = self._gaps((self.rho + wider)[None], own)[0]
+                after = self._gaps((self.rho + self._step(more, upward))[None], own)[0]
                 return _Side(step, before, after, least)
         return _Side(step, before, after, least, snug=bool(len(more)))
 
@@ -759,7 +754,16 @@ class _Judge:
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
         proofs = [claim.proofs(pairs, poses) for claim in self.claims]
         errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
-        gaps = self._off_touch([proof for own in proofs for proof in own], pairs, poses)
+        # by coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
+        # touch are left out
+        counts = (len(body.parts) for body in self.bodies)
+        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
+        for (i, j), off in (proof for own in proofs for proof in own):
+            settled[:, i, j] |= off <= self.limit
+            least = np.minimum(least, off)
+        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
+        gaps = _asked_gaps(self.scaled, pairs, poses, settled)
+        gaps = np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
         worst = [int(_or_inf(x).argmax()) for x in (errors, gaps)]
         return [
             _at_most("path starts at the nominal", start, self.tolerances.nominal, "relative distance of the scales"),
@@ -908,19 +912,6 @@ class _Judge:
         if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
             poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
         return s, poses, self._tracked(s, poses)
-
-    def _off_touch(self, proofs: list[Proof], pairs: Array, poses: Array) -> Array:
-        """Return how far the bodies are apart or overlap at each point of the way, (k,)."""
-        # by coal; between the points at which coal is asked about all part pairs, those whose claims prove that they
-        # touch are left out
-        counts = (len(body.parts) for body in self.bodies)
-        settled, least = np.zeros((len(poses), *counts), dtype=np.bool_), np.full(len(poses), np.inf)
-        for (i, j), errors in proofs:
-            settled[:, i, j] |= errors <= self.limit
-            least = np.minimum(least, errors)
-        settled[np.linspace(0, len(poses) - 1, self.tolerances.path_asked).round().astype(int)] = False
-        gaps = _asked_gaps(self.scaled, pairs, poses, settled)
-        return np.where(settled.any(axis=(1, 2)), np.maximum(-gaps, least), np.abs(gaps))
 
     def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:
         """Return `judged_gaps` after the motion, of the problem's two bodies or of another pair."""

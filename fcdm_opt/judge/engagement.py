@@ -95,8 +95,7 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
     problem = problem.of_facets  # the pieces that are exact at points are no solids
     q = np.array(parameters)
     size, turned = problem.size, float(np.abs(q[problem.motion.turning]).sum())
-    steps = min(1 + int(turned / TURN), MOST_STEPS)
-    shares = np.linspace(0.0, 1.0, steps + 1)
+    shares = np.linspace(0.0, 1.0, min(1 + int(turned / TURN), MOST_STEPS) + 1)
     poses = _poses(problem, shares[:, None] * q)
     if not np.isfinite(poses).all() or stay_divided(_sizes(problem, keep_out), shares, poses, DEFAULT.nominal * size):
         return False

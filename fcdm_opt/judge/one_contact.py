@@ -342,8 +342,7 @@ def lagrangian_bounds(
     total = Interval(0.5) * sum((Interval(y[:, j]).square() for j in range(k)), Interval(0.0)) - value
     level = np.array(total.low)
     for j in range(k):  # second derivatives are no less than `least` by Gershgorin's discs
-        rest = sides[j].sum(axis=0) - sides[j, j]
-        least = (1.0 - bend[j][j].high - rest / ROUNDED) * ROUNDED
+        least = (1.0 - bend[j][j].high - (sides[j].sum(axis=0) - sides[j, j]) / ROUNDED) * ROUNDED
         steep = Interval(y[:, j]) - slope[j]
         ahead = _lowest(steep.low, np.maximum(below[j], 0.0), above[j], least)
         level = level + np.minimum(ahead, _lowest(-steep.high, np.maximum(-above[j], 0.0), -below[j], least))

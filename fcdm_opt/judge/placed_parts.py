@@ -42,9 +42,8 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
     limit = max(tolerances.touch * min(body.size for body in assembly.parts.values()), tolerances.tie * assembly.size)
     checks = [*_motions(solution, q, poses, limit, tolerances), *_contacts(solution, poses, limit, tolerances)]
     made, scales = assembly.bodies_made, assembly.scales
-    both = zip(assembly.contacts, solution.contacts, strict=False)
     exact = dict[tuple[str, str], tuple[Body, Body]]()  # whose true faces are judged with their contact
-    for pair, own in both:
+    for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
         if own.problem.exact_at is not None:
             movable, static = own.problem.movable, own.problem.static
             exact |= {(pair.one, pair.two): (movable, static), (pair.two, pair.one): (static, movable)}

@@ -107,14 +107,13 @@ class GapClaims:
         lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
         least, largest = self.least[0], self.largest[0]
         apart = [(d, d if np.isnan(s) else min(d, s)) for (d, s, _), _ in made]
-        beyond = max((max(least - d, s - largest) for d, s in apart), default=0.0)
         checks = [
             _at_most("sizes of the range", outside, DEFAULT.nominal, "how far those named are beyond the tolerances"),
             *(
                 _at_most(name, np.nan if gap is None else _off(own, *gap), slack, "at the sizes named")
                 for name, own, gap in zip(("least gap", "largest gap"), (least, largest), gaps[:2], strict=True)
             ),
-            _at_most("range", beyond, slack, lost),
+            _at_most("range", max((max(least - d, s - largest) for d, s in apart), default=0.0), slack, lost),
         ]
         if self.told is not None and made:
             told = self.told(np.array([place for _, place in made])).tolist()

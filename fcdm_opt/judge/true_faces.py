@@ -219,8 +219,7 @@ class _There:
                 off[i] = curve - start - share * (end - start)
             bow = np.linalg.norm(off, axis=2).max(axis=0)
             bent = bow > BENT * np.linalg.norm(end - start, axis=1)
-            room = BOWED * bow[bent, None]
-            self._known[k] = _BentEdges(others[bent], start[bent], end[bent], room, off[:, bent])
+            self._known[k] = _BentEdges(others[bent], start[bent], end[bent], BOWED * bow[bent, None], off[:, bent])
         return self._known[k]
 
     def nearer(self, points: Array, k: int, depth: Array, slack: float) -> Flags:

@@ -88,8 +88,7 @@ class WholeSurfaces:
             pacing.check()
             ends = [rows[place(corners[rows], axis=0)] for place in (np.argmin, np.argmax)]
             points = corners[np.unique([*rows[:: max(1, len(rows) // CORNERS)], *ends[0], *ends[1]])]
-            beyond = ((points < box[0]) | (points > box[1])).any(axis=1)
-            if 2 * np.count_nonzero(beyond) > len(points):
+            if 2 * np.count_nonzero(((points < box[0]) | (points > box[1])).any(axis=1)) > len(points):
                 continue
             boxes = [solid[((low <= point) & (point <= high)).all(axis=1)] for point in points]
             on = [(distances(point[None, None], own) <= near).any() for point, own in zip(points, boxes, strict=True)]

@@ -19,8 +19,7 @@ def search_rate(task: Task) -> float:
     rates = np.array([task.rates(x * sign * task.steps)[1] for x in SAMPLED for sign in (1.0, -1.0)])
     speeds = np.linalg.norm(task.made_vertices @ rates[:, :, :3, :3].mT + rates[:, :, None, :3, 3], axis=3)
     found = np.linalg.norm(speeds / task.weights[:, None], axis=1)
-    fastest = float(np.max(found[np.isfinite(found)], initial=0.0))
-    return MARGIN * fastest or 1.0
+    return MARGIN * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
 
 
 def displacement_bound(task: Task) -> float:

@@ -89,8 +89,7 @@ def _with_ends(solution: Solution, solve: Callable[[Problem, str], Solution] | N
         return _at_exact_points(solution, solve, certify)
     if not solution.usable and solution.status not in REFUSED:
         return solution
-    errors = [facet_errors(body) for body in problem.bodies]
-    if all(own is not None and not own.any() for own in errors):
+    if all(own is not None and not own.any() for own in [facet_errors(body) for body in problem.bodies]):
         return _between(solution, solution.amount, solution.amount) if solution.usable else solution
     if not solution.usable and (too_wide(problem) or cannot_be_restored(problem)):
         return replace(solution, amount_low=math.inf, amount_high=math.inf)
@@ -142,8 +141,7 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
             return _between(solution, min(low, _least(solution, amount)), amount)
         outer = _about(problem.of_facets, _Scene(one[1], two[1], ()))
         if _gap_at_rest(outer) >= 0.0:  # else they ask for another motion, which takes them apart
-            seconds = max(SHORTEST, sum(solution.seconds.values()))
-            low = max(low, _least(_least_of(outer, solve, seconds), amount))
+            low = max(low, _least(_least_of(outer, solve, max(SHORTEST, sum(solution.seconds.values()))), amount))
     return _between(solution, low, amount)
 
 
@@ -169,11 +167,10 @@ def _about(problem: Problem, scene: _Scene, **asked: Any) -> Problem:
         KeepOut(body, own.scale, clearance=own.clearance, name=own.name)
         for own, body in zip(problem.keep_out, scene.keep_outs, strict=True)
     )
-    as_made = dict.fromkeys(("requirement", "tolerance", "made", "features", "contacts", "published"))
     return Problem(
         **{
             **problem.request,
-            **as_made,
+            **dict.fromkeys(("requirement", "tolerance", "made", "features", "contacts", "published")),
             "movable": scene.movable,
             "static": scene.static,
             "keep_out": keep_out,

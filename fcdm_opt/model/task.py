@@ -251,7 +251,6 @@ class Task:
         - `features`: pairs of elements that its rows are made of, and vertices held by separating planes; in all there
           are `features`.
         """
-        keep_outs = {self.obstacles[j].keep_out for _, j in kept} - {-1}
         return {
             "variables": variables,
             "constraints": constraints,
@@ -259,7 +258,7 @@ class Task:
             "part_pairs_total": self.part_pairs,
             "features_kept": features,
             "features_total": self.features,
-            "keep_outs_kept": len(keep_outs),
+            "keep_outs_kept": len({self.obstacles[j].keep_out for _, j in kept} - {-1}),
             "keep_outs_total": len(self.keep_out),
         }
 
@@ -624,18 +623,16 @@ class Task:
             if whole is not None and (one.elements.spans or two.elements.spans):
                 places = self.path_positions(q)
                 ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
-                contact = supporting_contact(one, two, feature.normal, ways[0][0])
-                names = features_along(one, two, contact, ways)
+                names = features_along(one, two, supporting_contact(one, two, feature.normal, ways[0][0]), ways)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]
         return found
 
     def _stays_flush(self, pose: Array, rho: Array, tracked: tuple[Tracked, ...]) -> bool:
         for whole, feature in zip(self.flush, tracked, strict=False):
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
-            if whole is not None:
-                contact = supporting_contact(one, two, feature.normal, pose)
-                if whole != located(one, two, pose, contact, rho).feature:
-                    return False
+            contact = supporting_contact(one, two, feature.normal, pose)
+            if whole is not None and whole != located(one, two, pose, contact, rho).feature:
+                return False
         return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
@@ -692,8 +689,7 @@ class Task:
             return False  # flush or not
         if self.goal == "beyond" and not replace(self, pair="any", keep_out=()).meets(q, DEFAULT.requirement):
             return False
-        gaps = self.pair_gaps(q)
-        return bool((gaps >= self.needs - DEFAULT.requirement * self.size).all())
+        return bool((self.pair_gaps(q) >= self.needs - DEFAULT.requirement * self.size).all())
 
 
 def lines_of(movable: Body, static: Body, joint: Joint) -> tuple[FeaturePoints, ...]:

@@ -139,8 +139,7 @@ class Exchange:
         seed, scale = facets.movable.seed, float(facets.target[0])
         kinematics = facets.motion.kinematics(seed, facets.static.seed)
         made = seed + scale * (facets.movable.vertices - seed)
-        moved = made @ found.transform[:3, :3].T + found.transform[:3, 3]
-        bound = float(norms(moved - made).max())
+        bound = float(norms(made @ found.transform[:3, :3].T + found.transform[:3, 3] - made).max())
         unit = float(np.linalg.norm(facets.weights * start)) / facets.weights
 
         def gap(y: Array) -> float:
@@ -358,8 +357,7 @@ def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last
 
 def on_true_faces(scene: Scene) -> bool:
     """Tell whether answers are of the faces that facets stand for: of every two parts whose facets are off these."""
-    asked = scene.relations.values()
-    off = [own for own in asked if gaps_off(own.movable, [own.static]) != (0.0, 0.0)]
+    off = [own for own in scene.relations.values() if gaps_off(own.movable, [own.static]) != (0.0, 0.0)]
     return all(
         Exchange.of(touching_again(own) or own) is not None and all(map(all_recognised, (own.movable, own.static)))
         for own in off

@@ -73,8 +73,7 @@ class _Pattern:
     def rates(self) -> Compiled:
         import casadi
 
-        rates = casadi.densify(casadi.jacobian(self._rows, self._q))
-        return Compiled(self._function(pose=self._rows, rates=rates))
+        return Compiled(self._function(pose=self._rows, rates=casadi.densify(casadi.jacobian(self._rows, self._q))))
 
     @cached_property
     def poses(self) -> Compiled:

@@ -756,8 +756,7 @@ def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
 
 @lru_cache(maxsize=64)
 def _ways(motion: Motion, seeds: tuple[float, ...]) -> Array:
-    steps = np.eye(len(motion.names))
-    return frozen([motion.transform(step, seeds[:3], seeds[3:])[:3, 3] for step in steps])
+    return frozen([motion.transform(step, seeds[:3], seeds[3:])[:3, 3] for step in np.eye(len(motion.names))])
 
 
 def _changed(step: Step, **values: Any) -> Any:

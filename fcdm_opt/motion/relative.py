@@ -23,8 +23,7 @@ class Carrying:
 
     def transform(self, q: Sequence[Any]) -> Matrix:
         """Return its 4x4 transform at the parameters of all, of any kind of scalars."""
-        own = list(q[self.start : self.start + len(self.motion.parameters)])
-        return self.motion.composed(own, *self.seeds)
+        return self.motion.composed(list(q[self.start : self.start + len(self.motion.parameters)]), *self.seeds)
 
     def seen_from(self, origin: Array) -> Carrying:
         """Return the same in coordinates with another origin."""

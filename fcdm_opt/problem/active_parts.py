@@ -275,5 +275,4 @@ def _new(pairs: Ints, values: Array, kept: list[Flags], most: int) -> Ints:
 def _rates(problem: Problem) -> Array:
     """Return the most that a vertex of body 1 as made can be displaced per unit of each parameter, (k,)."""
     body = problem.movable
-    points = body.seed + problem.target[0] * (body.vertices - body.seed)
-    return problem.motion.reaches(points, body.seed)
+    return problem.motion.reaches(body.seed + problem.target[0] * (body.vertices - body.seed), body.seed)

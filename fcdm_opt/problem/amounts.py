@@ -74,8 +74,7 @@ class OwnAmount:
 
     def derivatives(self, q: Array) -> Array:
         """Return Hessian and, as last column, gradient after a motion, (k, k + 1); of the square where not smooth."""
-        found = self._derived[1 if self.is_smooth_at_rest else 2](q)[0]
-        return found.reshape(-1, len(self.names)).T.copy()
+        return self._derived[1 if self.is_smooth_at_rest else 2](q)[0].reshape(-1, len(self.names)).T.copy()
 
     def gradient(self, q: Array) -> Array:
         """Return the gradient after a motion, (k,)."""

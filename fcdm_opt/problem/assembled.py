@@ -276,8 +276,7 @@ def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> S
     """Return the solution of a contact, in the parameters of one part's motion or, as PART.NAME, of several."""
     if [*told["parts"]] != [*pair[:2]]:
         raise InputError("not the assembly's contact", key="contacts.parts", found=told["parts"], allowed=str(pair))
-    parts = _parts_of(told["parameters"])
-    problem = assembly.problem(pair, parts)
+    problem = assembly.problem(pair, _parts_of(told["parameters"]))
     problem = problem if told.get("goal", problem.goal) == problem.goal else problem.to_touch()
     problem = problem.with_exact_points(told["exact_at"]).asked if "exact_at" in told else problem
     return Solution.from_dict({**told, "problem": problem})

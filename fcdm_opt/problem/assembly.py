@@ -291,8 +291,7 @@ class Assembly(Scene):
         for part, motion in self.motions.items():
             weights = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
             for (name, kind), weight in zip(motion.parameters, weights, strict=True):
-                limits = self.limits[part].get(name, FREE)
-                found.append(Coordinate(f"{part}.{name}", kind, weight, limits))
+                found.append(Coordinate(f"{part}.{name}", kind, weight, self.limits[part].get(name, FREE)))
         return tuple(found)
 
     @property
@@ -593,8 +592,7 @@ def _numbers(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, float
 def _limits(values: Any, moved: Mapping[str, Motion]) -> dict[str, dict[str, tuple[float, float]]]:
     found: dict[str, dict[str, tuple[float, float]]] = {part: {} for part in moved}
     for part, own in _by_part(values, "limits", moved).items():
-        names = moved[part].names
-        listed = by_parameter(own, f"limits.{part}", names)
+        listed = by_parameter(own, f"limits.{part}", moved[part].names)
         found[part] = {name: interval(ends, f"limits.{part}.{name}") for name, ends in listed.items()}
     return found
 

@@ -225,12 +225,11 @@ class Case(Defaults, title="Cases"):
     def asked(self, parts: Parts, defaults: Defaults) -> dict[str, Any]:
         """Return the arguments of `Problem`; keys of the case come before those of `defaults`."""
         given = self.arguments(defaults)
-        keep_out = _chosen(given.get("keep_out"), parts.keep_out)
         return {
             **given,
             "movable": parts.movable,
             "static": parts.static,
-            "keep_out": keep_out,
+            "keep_out": _chosen(given.get("keep_out"), parts.keep_out),
             "unit": parts.unit,
             "sizes": parts.sizes,
         }

@@ -70,8 +70,7 @@ class NominalContact:
 
         Relative to the smaller body, but no less than rounding at the larger one allows.
         """
-        smaller = min(self.movable.size, self.static.size)
-        return max(DEFAULT.touch * smaller, DEFAULT.tie * self.size)
+        return max(DEFAULT.touch * min(self.movable.size, self.static.size), DEFAULT.tie * self.size)
 
     @cached_property
     def curve(self) -> DecisionCurve:

@@ -384,8 +384,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         """
         if self.reformulated is not self:
             return self.of_facets.changed(**arguments)  # the points are of these sizes
-        same = all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items())
-        if not same:
+        if not all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items()):
             return Problem(**{**self.request, **arguments})
         asked = checked_arguments(SizeKeys, arguments)
         request = {**self.request, **{key: getattr(asked, key) for key in arguments}}

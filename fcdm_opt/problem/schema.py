@@ -53,8 +53,7 @@ Bound = Annotated[
 
 def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[Any, ...] = ()) -> PydanticCustomError:
     """Return the error that every model raises; `inside` continues the place of the model or field."""
-    context = {"what": what, "found": found, "allowed": allowed, "inside": inside}
-    return PydanticCustomError(REFUSED, "{what}", context)
+    return PydanticCustomError(REFUSED, "{what}", {"what": what, "found": found, "allowed": allowed, "inside": inside})
 
 
 def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:

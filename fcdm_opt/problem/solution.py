@@ -386,8 +386,7 @@ class Bounded(Plain, NotebookRepr):
         """Why true parts may need less or more than meshes, and what cures it."""
         if line := rounding_line(self.question.bodies):
             return f"{FACETED}; {line}"
-        of_facets = any(body.surfaces is None and body.exact is None for body in self.question.bodies)
-        return FACETED if of_facets else OPEN
+        return FACETED if any(body.surfaces is None and body.exact is None for body in self.question.bodies) else OPEN
 
     @property
     def _why_unknown(self) -> str:

@@ -104,8 +104,7 @@ def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
     faces, wide = np.arange(2 * len(weights)), np.ones((2 * len(weights), len(weights) - 1))
     cells = Pieces.of(faces, np.stack([-wide, wide], axis=1), np.full((len(faces), 2), half))
     with np.errstate(all="ignore"):
-        found = AmountOfPieces(amount.function, weights).least_beyond(cells)
-        return float(np.nan_to_num(found, nan=-np.inf).min())
+        return float(np.nan_to_num(AmountOfPieces(amount.function, weights).least_beyond(cells), nan=-np.inf).min())
 
 
 def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
@@ -117,16 +116,12 @@ def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, 
     signs = (counts[:, None] * (1 - 2 * (corners.sum(axis=1) & 1))[None]).ravel()
     key = np.repeat(faces.astype(np.int64), len(corners))
     for axis in range(m):
-        ends = np.stack([low[:, axis], high[:, axis]], axis=1)
-        values, places = np.unique(ends, return_inverse=True)
-        own = places.reshape(n, 2)[:, corners[:, axis]].ravel()
-        _, key = np.unique(key * len(values) + own, return_inverse=True)
-    total = np.bincount(key, weights=signs, minlength=1)
-    wrong = np.flatnonzero(total != 0)
+        values, places = np.unique(np.stack([low[:, axis], high[:, axis]], axis=1), return_inverse=True)
+        _, key = np.unique(key * len(values) + places.reshape(n, 2)[:, corners[:, axis]].ravel(), return_inverse=True)
+    wrong = np.flatnonzero(np.bincount(key, weights=signs, minlength=1) != 0)
     if not len(wrong):
         return None
-    place = int(np.flatnonzero(key == wrong[0])[0])
-    row, corner = divmod(place, len(corners))
+    row, corner = divmod(int(np.flatnonzero(key == wrong[0])[0]), len(corners))
     return int(faces[row]), np.where(corners[corner] == 0, low[row], high[row])
 
 
@@ -238,8 +233,7 @@ class Examiner:
         limits = np.array(problem.limits)
         around = (limits[:, 0] <= 0) & (limits[:, 1] >= 0)
         if problem.goal == "seat" and self.coherent:
-            still = held(problem.nominal_seats, problem.motion, problem.movable, problem.static)
-            limits[still & around] = 0.0
+            limits[held(problem.nominal_seats, problem.motion, problem.movable, problem.static) & around] = 0.0
         directions = problem.motion.shift_directions
         half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
         for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
@@ -345,8 +339,7 @@ class Examiner:
         """Check that no motion of a smaller amount is left."""
         low, high = self.evidence.column_boxes[:, 0], self.evidence.column_boxes[:, 1]
         least = np.maximum(np.maximum(low, -high), 0.0)
-        lengths = np.sqrt(1.0 + (least * least).sum(axis=1))
-        value = float((self.evidence.fronts * lengths).min(initial=np.inf))
+        value = float((self.evidence.fronts * np.sqrt(1.0 + (least * least).sum(axis=1))).min(initial=np.inf))
         if self.problem.amount != "weighted":  # which may be less further out: all is to be excluded, or COSTLY
             value = self.claimed if np.isinf(value) else 0.0
         elif value * (1.0 - FLOATS) > _norm(Interval(self.problem.weights * np.abs(self.problem.limits).max(axis=1))):
@@ -495,8 +488,7 @@ class Examiner:
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
-            excess = sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True))
-            yield here, gap - excess * (1.0 + FLOATS)
+            yield here, gap - sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True)) * (1.0 + FLOATS)
 
     def apart(self, poses: Poses, witness: Array) -> Margins:
         """Yield by how much a direction for each part pair keeps it apart at the target pair."""
@@ -688,6 +680,5 @@ def distances_from(points: Array, vertices: Interval) -> Array:
     found = np.empty(len(rows))
     for k, point in enumerate(rows):
         shares, _ = nnls(np.vstack([corners.T, np.full(len(corners), scale)]), np.append(point, scale))
-        mixture = shares @ corners / shares.sum()
-        found[k] = np.linalg.norm(point - mixture) * (1.0 + FLOATS) + rounding
+        found[k] = np.linalg.norm(point - shares @ corners / shares.sum()) * (1.0 + FLOATS) + rounding
     return found[places.ravel()]

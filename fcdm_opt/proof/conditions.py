@@ -31,9 +31,7 @@ def _two(kind: int, R: Any, u: Any, w: Any, y: Any) -> Any:
 
     if kind == F1V2:
         return casadi.dot(R @ u, y)
-    if kind == V1F2:
-        return casadi.dot(u, y)
-    return casadi.dot(R @ u, casadi.cross(w, y))
+    return casadi.dot(u, y) if kind == V1F2 else casadi.dot(R @ u, casadi.cross(w, y))
 
 
 @cache

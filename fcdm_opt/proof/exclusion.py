@@ -60,8 +60,7 @@ def _swollen(part: ConvexPart, placed: Array, by: float) -> ConvexPart:
     ends, sides = part.edges[:, :2], part.normals[part.edges[:, 2:]]
     turns = [share * sides[:, 0] + (1.0 - share) * sides[:, 1] for share in BETWEEN]
     edges = [placed[ends[:, k]] + by * n / np.linalg.norm(n, axis=1)[:, None] for n in turns for k in (0, 1)]
-    points = np.vstack([*faces, placed + by * middles, *edges])
-    return Body.convex(points, seed=np.zeros(3), name="swollen").parts[0]
+    return Body.convex(np.vstack([*faces, placed + by * middles, *edges]), seed=np.zeros(3), name="swollen").parts[0]
 
 
 def tested_vertices(task: Task, *, swollen: bool) -> int:
@@ -317,8 +316,7 @@ class Exclusion:
         task = self.task
         own, margin = self.features[: len(task.tracked)], DEFAULT.cut * task.size
         one, starts1, two, starts2 = self.drawn
-        least = LEAST_SCALE * task.target
-        tests.support_cells(T, own, one, starts1, two, starts2, least, margin, codes, witness)
+        tests.support_cells(T, own, one, starts1, two, starts2, LEAST_SCALE * task.target, margin, codes, witness)
         beyond = task.goal == "beyond"
         lines = self.features if task.goal == "seat" else self.lines
         tests.goal_cells(T, lines, task.target, task.signs if beyond else np.zeros(2), self.margin, codes, witness)
@@ -336,8 +334,7 @@ class Exclusion:
         task = self.task
         partners = len(task.static.parts) if task.must_touch else 0
         near = np.zeros(len(task.needs)) if self.swollen else np.maximum(task.needs, 0.0)
-        asked = np.isfinite(self.needs)
-        tests.pair_cells(T, *self._packed, partners, asked, near, self.margin, tries, codes, witness)
+        tests.pair_cells(T, *self._packed, partners, np.isfinite(self.needs), near, self.margin, tries, codes, witness)
 
     @cached_property
     def _packed(self) -> tuple[Packed, Packed]:

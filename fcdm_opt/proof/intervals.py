@@ -43,8 +43,7 @@ class Interval:
             middle = 0.5 * low + 0.5 * high
             bounded = np.isfinite(middle) | np.isnan(middle)
             middle = np.where(bounded, middle, 0.0)
-            radius = np.maximum(high - middle, middle - low) * UP
-            return cls(middle, np.where(bounded, radius, np.inf))
+            return cls(middle, np.where(bounded, np.maximum(high - middle, middle - low) * UP, np.inf))
 
     @classmethod
     def stacked(cls, numbers: Sequence[Interval], shape: tuple[int, ...]) -> Interval:
@@ -247,8 +246,7 @@ def _less(x: Interval, y: Interval) -> Interval:
 
 
 def _same(x: Interval, y: Interval) -> Interval:
-    exact = (x.radius == 0) & (y.radius == 0) & (x.middle == y.middle)
-    return _truth(exact, (x.high < y.low) | (x.low > y.high))
+    return _truth((x.radius == 0) & (y.radius == 0) & (x.middle == y.middle), (x.high < y.low) | (x.low > y.high))
 
 
 def _is_not(x: Interval) -> Interval:
@@ -348,5 +346,4 @@ class IntervalFunction:
 
             return carried_out
 
-        arithmetic = {**ARITHMETIC, **{name: watched(name) for name in JUMPS}}
-        return self._instructions.carried_out(arithmetic, *inputs), jumps
+        return self._instructions.carried_out({**ARITHMETIC, **{name: watched(name) for name in JUMPS}}, *inputs), jumps

@@ -371,5 +371,4 @@ def _origin(motion: Motion, seed: Array) -> Array:
         return np.zeros(3)
     points = [point for own in fixed for point in own or ()]
     numbers = [(float(x), float(s)) for point in points for x, s in zip(point, seed, strict=True)]
-    exact = all(Fraction(x) - Fraction(s) == Fraction(x - s) for x, s in numbers)
-    return np.array(seed) if exact else np.zeros(3)
+    return np.array(seed) if all(Fraction(x) - Fraction(s) == Fraction(x - s) for x, s in numbers) else np.zeros(3)

@@ -92,8 +92,7 @@ def only_motion(problems: Problems, q: Array, half: float, pieces: int = PIECES)
             return False
         low, high = over.low[:, chosen].min(axis=0) * half, over.high[:, chosen].max(axis=0) * half
         product = Interval(inverse, np.zeros(inverse.shape)).contracted(Interval.between(low, high))
-        off = product - Interval(np.eye(len(inverse)))
-        if off.size.sum(axis=1).max() < NEAR:  # nan is not
+        if (product - Interval(np.eye(len(inverse)))).size.sum(axis=1).max() < NEAR:  # nan is not
             return True
         count *= 2
     return False
@@ -257,8 +256,7 @@ class _Restored:
         for problem in problems:
             origin = problem.movable.seed if self._smooth else np.zeros(3)  # near what turns, intervals are narrow
             seeds = (casadi.SX(body.seed - origin) for body in (problem.movable, problem.static))
-            T = problem.motion.seen_from(origin).symbolic(q, *seeds)
-            rows += equations(problem, T, origin)
+            rows += equations(problem, problem.motion.seen_from(origin).symbolic(q, *seeds), origin)
         self._shape, self._variables, self._rows = (len(rows), len(self.moving)), variables, casadi.vertcat(*rows)
 
     @cached_property

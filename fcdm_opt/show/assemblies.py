@@ -33,8 +33,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
         return print_solutions(rows)
     for row in rows:
         print_text(str(row.solution), indent="   ")
-    lines = [cells for row in rows for cells in _cells(row.solution)]
-    print_rows(lines, numbers=NUMBERS, optional=("weight",))
+    print_rows([cells for row in rows for cells in _cells(row.solution)], numbers=NUMBERS, optional=("weight",))
     for row in rows:
         solution, name = row.solution, row.solution.assembly.name
         if row.unproved:
@@ -52,8 +51,7 @@ def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
     known = solution.usable or solution.status.name == "OUTSIDE_FIT"
-    lines = (*(() if known else solution.active), solution.doubt)
-    return [text for text in lines if text[1:] not in verdict]
+    return [text for text in (*(() if known else solution.active), solution.doubt) if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:
@@ -185,8 +183,7 @@ def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
     bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    shown = ShownBodies.of_parts(bodies, names, poses)
-    return shown, touching(solution)
+    return ShownBodies.of_parts(bodies, names, poses), touching(solution)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:

@@ -661,9 +661,8 @@ def draw_directions(sheet: Sheet, axes: Any, shown: ShownBodies, corner: tuple[f
     scale = 72.0 * _inches_a_length(axes)  # points a unit of length
     length = rounded_down(LONGEST_BAR / scale)
     left = start + np.array([24.0, -12.0])
-    reach = np.array([length * scale, 0.0])
     bar = {**arrow, "arrowstyle": "|-|,widthA=0.2,widthB=0.2", "mutation_scale": 10}
-    axes.annotate("", left + reach, left, arrowprops=bar, **points)
+    axes.annotate("", left + np.array([length * scale, 0.0]), left, arrowprops=bar, **points)
     word = unit or ("length unit" if length == 1 else "length units")
     axes.annotate(f"{length:g} {word}", left + np.array([0.0, 4.0]), ha="left", va="bottom", **small)
 
@@ -833,8 +832,7 @@ def _best_view(one: Body, two: Body, spots: Array, shifts: Iterable[ArrayLike] =
 
 def _axes_for(sheet: Sheet, area: tuple[float, float, float, float], shown: ShownBodies, more: ArrayLike = ()) -> Any:
     """Return axes of one scale over an area that the scene fills, but for what numbers need at its edges."""
-    points = np.vstack([shown.points, np.reshape(more, (-1, 3))])
-    flat = points @ page_directions(*shown.view)
+    flat = np.vstack([shown.points, np.reshape(more, (-1, 3))]) @ page_directions(*shown.view)
     size = np.array(area[2:])
     margin = min(MARGIN, 0.07 * area[2])
     half = float((np.ptp(flat, axis=0) / (size - 2.0 * margin)).max()) * size / 2.0

@@ -337,8 +337,7 @@ def section(body: Body, point: Array, normal: Array, plane: Array, half: float =
 
 def _rounded(loop: Array, body: Body, point: Array, normal: Array, plane: Array, half: float) -> Array:
     """Return an outline (k, 2) with what is near its middle brought from facets onto the round faces they stand for."""
-    after = np.roll(loop, -1, axis=0)
-    near = clipped(np.stack([loop, after], axis=1), [[-half, half]] * 2)[1]
+    near = clipped(np.stack([loop, np.roll(loop, -1, axis=0)], axis=1), [[-half, half]] * 2)[1]
     if not round_surfaces(body) or not near.any():
         return loop
     faces, level = true_faces(body), Swept(point, normal, (0.0, -1.0), 0.0, 0.0)

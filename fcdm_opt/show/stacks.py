@@ -348,9 +348,8 @@ def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) 
                 edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
             )
     worst = stack.worst()
-    finite = [limit for limit in share.limits if np.isfinite(limit)]
     for ends, name, style in (
-        (finite, "limits", {"color": BLACK, "linewidth": 1.2}),
+        ([limit for limit in share.limits if np.isfinite(limit)], "limits", {"color": BLACK, "linewidth": 1.2}),
         ((worst.least, worst.largest), "worst case", {"color": DARK, "linewidth": 0.8, "linestyle": ":"}),
     ):
         for k, end in enumerate(ends):

@@ -93,9 +93,8 @@ class _StudyAmounts(NamedTuple):
     def of(cls, result: StudyResult) -> _StudyAmounts:
         shape = [len(values) for values in result.axes.values()]
         rows = result.rows()
-        amounts = [row["amount"] if row["usable"] else math.nan for row in rows]
         return cls(
-            np.array(amounts, dtype=float).reshape(shape),
+            np.array([row["amount"] if row["usable"] else math.nan for row in rows], dtype=float).reshape(shape),
             np.array([row["status"] for row in rows], dtype=object).reshape(shape),
             f"amount ({result.unit or 'length units'})",
         )
@@ -116,8 +115,7 @@ def _lines(data: _StudyAmounts, along: _StudyAxis, others: Sequence[_StudyAxis],
     for place, axes in spots:
         for k, (at, name) in enumerate(_combinations(lines)):
             part = data.at([*panels, *lines], [*place, *at])
-            spot = SPOTS[k % len(SPOTS)]
-            axes.plot(along.values, part.amounts, marker=spot, markersize=2.8, label=name, **_look(k))
+            axes.plot(along.values, part.amounts, marker=SPOTS[k % len(SPOTS)], markersize=2.8, label=name, **_look(k))
             for status, marker in markers.items():
                 where = np.asarray(along.values)[part.statuses == status]
                 height = np.full(len(where), 0.02 + 0.03 * (k % 10))  # beside each other, not upon
@@ -212,8 +210,7 @@ def _panels(
     rows = math.ceil(len(spots) / columns)
     width = (PAGE - LEFT - RIGHT - beside - ACROSS * (columns - 1)) / columns
     width, height = (min(WIDE, width), ONE) if columns == 1 else (width, max(HIGH, 0.75 * width))
-    letters = max(map(len, keys), default=0)
-    across = min(COLUMNS, max(1, int(LETTERS / (letters + BESIDE))))
+    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + BESIDE))))
     foot = KEY * math.ceil(len([key for key in keys if key]) / across) + 0.05
     step = height + (ABOVE if axes else 0.08)
     sheet = Sheet.of(PAGE, foot + BELOW + rows * step, title=words[0], caption=words[1])
@@ -221,8 +218,7 @@ def _panels(
     made: list[tuple[list[int], Any]] = []
     for k, (place, name) in enumerate(spots):
         row, column = divmod(k, columns)
-        bottom = foot + BELOW + (rows - 1 - row) * step
-        panel = sheet.axes(left + column * (width + ACROSS), bottom, width, height)
+        panel = sheet.axes(left + column * (width + ACROSS), foot + BELOW + (rows - 1 - row) * step, width, height)
         panel.set_title(literal(name))
         panel.grid(visible=True)
         lowest = k + columns >= len(spots)

@@ -187,9 +187,7 @@ def values_by_part(solution: Bounded) -> dict[str, list[float]]:
 def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:
     """Return a motion in words as `motion_text` does."""
     values = telling(problem, values)
-    if not values:
-        return "-"
-    return described(problem.motion, values, problem.unit if unit else "")
+    return described(problem.motion, values, problem.unit if unit else "") if values else "-"
 
 
 def described(motion: Motion, values: Sequence[float], unit: str) -> str:

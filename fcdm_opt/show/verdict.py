@@ -236,8 +236,7 @@ def _in_order(steps: list[tuple[str, str]], again: str) -> tuple[str, str]:
             runs[-1][1].append(manner)
         else:
             runs.append((verb, [manner]))
-    told = [(verb, texts.listed(manners)) for verb, manners in runs]
-    (first, words), *more = told
+    (first, words), *more = [(verb, texts.listed(manners)) for verb, manners in runs]
     return first, words + "".join(f", then {f'{verb} {again}' if again else ''}{manner}" for verb, manner in more)
 
 

@@ -27,8 +27,7 @@ def nearest_weighted(task: Task) -> Task:
         own = task.amount_kind.weights_at_rest
         known = np.isfinite(own) & (own > 0)
         if known.any():
-            least = LEAST_SHARE * own[known].max()
-            weights = frozen(np.maximum(np.where(known, own, 0.0), least))
+            weights = frozen(np.maximum(np.where(known, own, 0.0), LEAST_SHARE * own[known].max()))
     return replace(task, amount_kind="weighted", weights=weights)
 
 

@@ -98,8 +98,7 @@ class Choices(NamedTuple):
 
     def met(self, y: Array) -> bool:
         """Tell whether y meets an alternative of each group."""
-        short = self.of_rows(self.rows.levels - self.rows.normals @ y)[1]
-        return bool(short.max(initial=-np.inf) <= 0.0)
+        return bool(self.of_rows(self.rows.levels - self.rows.normals @ y)[1].max(initial=-np.inf) <= 0.0)
 
 
 class Nearest(NamedTuple):
@@ -217,5 +216,4 @@ def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
 def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:
     """Return rows over z as rows over the null space, and which of them no move in it changes."""
     normals = rows.normals @ free.T
-    flat = np.linalg.norm(normals, axis=1) <= DEFAULT.nominal
-    return Rows(normals, rows.about(centre).levels), np.asarray(flat)
+    return Rows(normals, rows.about(centre).levels), np.asarray(np.linalg.norm(normals, axis=1) <= DEFAULT.nominal)

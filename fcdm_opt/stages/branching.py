@@ -230,8 +230,7 @@ def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: f
         better = near(task, found.q)
         if better is not None and better.amount < amount:
             answer = replace(better, stage=TURNED, lower_bound=found.lower)
-    bound = max(found.lower, answer.lower_bound)
-    answer = replace(answer, lower_bound=min(bound, _amount(task, answer)))
+    answer = replace(answer, lower_bound=min(max(found.lower, answer.lower_bound), _amount(task, answer)))
     return answer, _closed(task, answer, gap)
 
 

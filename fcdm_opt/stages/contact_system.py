@@ -415,8 +415,7 @@ class System:
         needs = [task.needs[j] if (i, j) in walls else min(task.needs[j], 0.0) for i, j in pairs]
         short = np.concatenate(gaps) - np.repeat(needs, sizes)
         order = np.lexsort((-short, np.repeat(np.arange(len(pairs)), sizes)))
-        shifts = task.rates(q)[1][:, :3, 3]
-        slopes = self._by_z(-np.concatenate(rows)[order, :3] @ shifts.T)
+        slopes = self._by_z(-np.concatenate(rows)[order, :3] @ task.rates(q)[1][:, :3, 3].T)
         apart = Rows(slopes, (slopes @ y - short[order]) / task.size)
         return Choices(apart, np.arange(len(order)), np.cumsum([0, *sizes])[:-1]).and_also(rounded)
 

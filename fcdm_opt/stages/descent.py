@@ -75,8 +75,7 @@ class Descent:
         """What every kernel takes first."""
         task = self.task
         motion = self.motion.scaled(self.scale, task.movable.seed, task.static.seed)
-        rows = [(*feature.site, *feature.parts) for feature in task.tracked]
-        tracked = np.array(rows, dtype=np.int64).reshape(-1, 5)
+        tracked = np.array([(*feature.site, *feature.parts) for feature in task.tracked], dtype=np.int64).reshape(-1, 5)
         signs = np.array([feature.sign for feature in task.tracked])
         # where a contact is tracked, the state of the target pair is left to other stages
         pairs = np.array([task.nominal, task.target, (-np.inf if task.tracked else task.need, 0.0)])
@@ -319,5 +318,4 @@ def _along_facets(task: Task, q: Array) -> bool:
     gaps = task.pair_gaps(q)
     slack = DEFAULT.requirement * task.size
     tight = [(i, j) for i, j in np.ndindex(gaps.shape) if gaps[i, j] < task.need + slack]
-    ways = {parts: task.way_between(parts, q) for parts in tight}
-    return bool((task.pair_gaps(q, ways) - gaps <= slack).all())
+    return bool((task.pair_gaps(q, {parts: task.way_between(parts, q) for parts in tight}) - gaps <= slack).all())

@@ -91,8 +91,7 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
         one, obstacle = task.movable.parts[i], task.obstacles[j]
         if np.isfinite(obstacle.need):
             _, facets, gaps = task.separations((i, j), pose)
-            placed = obstacle.placed(task.static.seed)
-            for body, need, vertices in ((1, 0.0, one.vertices), (2, obstacle.need, placed)):
+            for body, need, vertices in ((1, 0.0, one.vertices), (2, obstacle.need, obstacle.placed(task.static.seed))):
                 rows += [program.plane_row(task, len(planes), body, v, need, "") for v in vertices]
             planes.append(_level(task, one, facets[int(np.argmax(gaps)), :3], task.target[0]))
     if closing is not None:

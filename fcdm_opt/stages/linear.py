@@ -106,16 +106,14 @@ def _on_lines(task: Task, q: Array) -> Answer:
 
 def _linear(task: Task, normals: Array, moving: Bools) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
-    steps = task.motion.owners
-    if any(not step.bounded and some for step, some in zip(steps, moving, strict=True)):
+    if any(not step.bounded and some for step, some in zip(task.motion.owners, moving, strict=True)):
         return False  # of the user's own: anything
     turning = moving & task.spins.any(axis=1)
     if turning.any():
         along = np.abs(np.cross(normals[:, None], task.spins[turning])).max(initial=0.0) <= DEFAULT.tie
         if not (along and all(line.kind != E1E2 for line in (*task.tracked, *task.untracked))):
             return False
-    between = (task.motion.along_seeds & moving).any()
-    return not between or moving.sum() == 1  # its axis follows what the others do
+    return not (task.motion.along_seeds & moving).any() or moving.sum() == 1  # its axis follows what the others do
 
 
 def _impossible(stage: str) -> Answer:

@@ -27,8 +27,7 @@ def satisfied(task: Task) -> Answer | None:
     """Stage 0: nothing to do."""
     if not task.met_at_rest:
         return None
-    status = Status.ALREADY_SATISFIED
-    return task.answer(task.rest, "0: met without motion", modelled=task.modelled(), status=status)
+    return task.answer(task.rest, "0: met without motion", modelled=task.modelled(), status=Status.ALREADY_SATISFIED)
 
 
 StageName = Literal[

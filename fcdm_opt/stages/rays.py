@@ -116,8 +116,7 @@ def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.
     ways = np.vstack([n, ways / np.linalg.norm(first)])
     low, high = [], []
     for (points, _, _, places), seed in zip(_solids(task)[:2], (task.movable.seed, task.static.seed), strict=True):
-        arms = points + (seed - task.movable.seed - centre)
-        heights, starts = ways @ arms.T, places[:-1, 0]
+        heights, starts = ways @ (points + (seed - task.movable.seed - centre)).T, places[:-1, 0]
         least, most = (extreme.reduceat(heights, starts, axis=1) for extreme in (np.minimum, np.maximum))
         if turn != 0.0:
             farthest = np.sqrt(np.maximum.reduceat(heights[1] ** 2 + heights[1 + ACROSS // 2] ** 2, starts))

@@ -48,8 +48,7 @@ def in_steps(task: Task, answer: Answer, solve: Callable[[Task], Answer]) -> Ans
         for q in sorted(near, key=task.amount)[:MOST_SOLVED]:
             if pacing.over():
                 break
-            limits = np.where(rounded[:, None], q[:, None], task.limits)
-            found = solve(replace(task, limits=limits, resolution=None))
+            found = solve(replace(task, limits=np.where(rounded[:, None], q[:, None], task.limits), resolution=None))
             if found.q is not None and (best is None or task.amount(found.q) < task.amount(best)):
                 best = found.q
     if best is None:
@@ -78,8 +77,7 @@ def _between(task: Task, low: float, high: float | None) -> Array:
     most = np.floor(high / (task.weights * task.resolution) + DEFAULT.nominal)
     if np.prod(2.0 * most + 1.0) > MOST_LISTED:
         return np.empty((0, len(task.weights)))
-    counts = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most))))
-    motions = counts * task.resolution
+    motions = np.array(list(product(*(range(-int(m), int(m) + 1) for m in most)))) * task.resolution
     amounts = np.linalg.norm(motions * task.weights, axis=1)
     inside = (amounts >= low * (1.0 - DEFAULT.requirement)) & (amounts < high * (1.0 - DEFAULT.requirement))
     inside &= (motions >= task.limits[:, 0]).all(axis=1) & (motions <= task.limits[:, 1]).all(axis=1)

@@ -114,8 +114,7 @@ class _TurnSearch:
         size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
         program = pose_instructions(task.motion)
         assert program is not None
-        motion = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed)
-        kind = motion, rotations, vector, self.weights
+        kind = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed), rotations, vector, self.weights
         space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
         numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
@@ -166,8 +165,7 @@ class _TurnSearch:
     def near(self, most: float) -> Ints:
         """Return the pairs that may touch after a motion of at most this amount: no vertex moves further than that."""
         gaps = self.task.pair_gaps(self.task.rest)[tuple(self.touching.T)]
-        near = self.touching[gaps <= most * self.task.displacement_rate * (1.0 + DEFAULT.nominal)]
-        return np.ascontiguousarray(near)
+        return np.ascontiguousarray(self.touching[gaps <= most * self.task.displacement_rate * (1.0 + DEFAULT.nominal)])
 
     def _root(self, most: float) -> Array:
         """Return the cell of all rotations that may be the answer's."""

@@ -155,8 +155,7 @@ class ExactCurve:
 
     def widest(self, point: tuple[fmpq, fmpq]) -> tuple[fmpz, Vector]:
         """Return the half-plane that a scale pair is least inside of, its value and its direction."""
-        half_planes = self.shadow.half_planes(self.shadow.program.point(point))
-        return min(half_planes, key=lambda found: found[0])
+        return min(self.shadow.half_planes(self.shadow.program.point(point)), key=lambda found: found[0])
 
 
 def exact_curve(one: ConvexPart, two: ConvexPart, transform: Array | None = None) -> ExactCurve:

@@ -138,8 +138,7 @@ class Program:
     def tight(self, n: Vector, levels: Vector) -> list[int]:
         """Return the columns with level = n.c, where none is below: see `price`."""
         values, error = self._slacks(n, levels)
-        doubtful = (values <= error).nonzero()[0].tolist()
-        return [j for j in doubtful if levels[self.kind(j)] == dot(n, self.column(j))]
+        return [j for j in (values <= error).nonzero()[0].tolist() if levels[self.kind(j)] == dot(n, self.column(j))]
 
     def _slacks(self, n: Vector, levels: Vector) -> tuple[Array, float]:
         """Return level - n.c of all columns up to a factor, and a bound of its error."""
@@ -155,8 +154,7 @@ class Program:
         first, last = self.counts[0], self.total - 1
         levels = []
         for low, high in ((0, first), (first, last), (last, last + 1)):
-            top = heights[low:high].max() - error
-            near = (heights[low:high] >= top).nonzero()[0] + low
+            near = (heights[low:high] >= heights[low:high].max() - error).nonzero()[0] + low
             levels.append(max(dot(n, self.column(j)) for j in near.tolist()))
         return tuple(levels)
 

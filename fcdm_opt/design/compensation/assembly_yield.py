@@ -134,9 +134,8 @@ class AssemblyYield(Plain, NotebookRepr):
         names = self.sizes_map.table.names
         limits = {names.index(name): ends for name, ends in self.limits.items()}
         known = _looked_up(self.sizes_map, self.budget, limits, pairs)
-        places = pairs[:: max(len(pairs) // SAMPLED, 1)]
         share = ShareClaim(share=self.share, interval=self.interval, passed=known.passed[~known.outside])
-        return replace(self.sizes_map.claims_at(places), share=share)
+        return replace(self.sizes_map.claims_at(pairs[:: max(len(pairs) // SAMPLED, 1)]), share=share)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan is None, and so is an end of a range that is open."""
@@ -348,5 +347,4 @@ def sobol_indices(f: Array, g: Array, h: Array, k: Array) -> tuple[Array, Array]
     taken = np.array([[1.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     indices = taken @ sums / whole
     slopes = (taken - indices[..., None] * all_of_it) / whole
-    variances = np.einsum("ai,ij,aj->a", slopes, count * np.cov(terms, bias=True), slopes)
-    return indices, np.sqrt(np.maximum(variances, 0.0))
+    return indices, np.sqrt(np.maximum(np.einsum("ai,ij,aj->a", slopes, count * np.cov(terms, bias=True), slopes), 0.0))

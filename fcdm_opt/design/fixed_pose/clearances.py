@@ -272,10 +272,9 @@ def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> 
     def end(gap: float, at: Mapping[str, float]) -> EndOfRange:
         own, row = touching.governing(rho := np.array([*at.values()]))
         feature, direction = touching.feature(own, row), frozen(own.normals[row])
-        between = feature.in_words(*touching.bodies)
         return EndOfRange(
             gap=gap, rho=frozen(rho), parts=own.parts, feature=feature.label, direction=direction, names=names,
-            between=between,
+            between=feature.in_words(*touching.bodies),
         )  # fmt: skip
 
     least, most = end(worst.least, worst.at_least), end(worst.largest, worst.at_largest)

@@ -167,8 +167,7 @@ def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
         if problem.goal != "beyond":
             gaps = task.line_gaps(pose)[1]
             return np.minimum(gaps, 0.0) if problem.goal == FIT else gaps
-        rho = task.tracked_contact(pose)[0]
-        short = np.minimum((rho - problem.target) * task.signs, 0.0)
+        short = np.minimum((task.tracked_contact(pose)[0] - problem.target) * task.signs, 0.0)
         return np.where(np.isfinite(short), short, -1.0) * task.size
 
     if free.any():

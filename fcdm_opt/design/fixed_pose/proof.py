@@ -251,14 +251,12 @@ class _PoseExaminer:
         depth = np.einsum("fi,fvi->fv", normals, points[corners])
         rates = -np.einsum("fi,fvci->fvc", normals, linear[owners][:, :, 1:])
         lost = np.einsum("fi,fvi->fv", np.abs(normals), errors[owners])
-        values = depth[..., None] + rates @ self.signs.T - lost[..., None]
-        found = values.min(axis=(0, 1))
+        found = (depth[..., None] + rates @ self.signs.T - lost[..., None]).min(axis=(0, 1))
         return np.asarray(self.worst.low + found) if (found > 0).all() else none
 
     def _directed(self, ways: Array, rho: Array, T: Array) -> Array:
         least = np.full(len(self.signs), np.inf)
-        lengths = np.linalg.norm(ways, axis=1)
-        if not (lengths <= 1.0 + DEFAULT.tie).all():
+        if not (np.linalg.norm(ways, axis=1) <= 1.0 + DEFAULT.tie).all():
             return np.full(len(self.signs), -np.inf)
         for i, one in enumerate(self.points[0]):
             linear, errors = self._ways(one, rho, T)

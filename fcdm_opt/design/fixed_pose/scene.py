@@ -63,8 +63,7 @@ class GapRows:
     def only(self, which: Ints) -> GapRows:
         """Return the rows of some part pairs."""
         rows = [self.rows[self.first[k] : self.first[k + 1]] for k in which.tolist()]
-        first = np.cumsum([0, *map(len, rows)])
-        return replace(self, rows=np.concatenate(rows), first=first, pairs=self.pairs[which])
+        return replace(self, rows=np.concatenate(rows), first=np.cumsum([0, *map(len, rows)]), pairs=self.pairs[which])
 
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""

@@ -131,7 +131,11 @@ class Worst:
         rows = self.rows(q)
         window = () if whole or not isinstance(self.scene, Scales) else ((self.low, self.high),)
         found = self.scene.extremes(rows, *window)
-        self._remember(found)
+        for rho in (found.least.rho, found.most.rho):
+            if not (self.active == rho).all(axis=1).any():
+                fixed = 4 if isinstance(self.scene, Scales) and self.scene.sizes.pairs is None else 0
+                kept = self.active if len(self.active) < MOST_ACTIVE else np.delete(self.active, fixed, axis=0)
+                self.active = np.ascontiguousarray(np.vstack([kept, rho]))
         off = self.missed(found)
         if off <= 0.0 and self.solid is not None and self._inside(q):
             off = self.scene.size
@@ -197,13 +201,6 @@ class Worst:
         others = [own.linear(q)[:2] for own in self.keep_out]
         values, rates = (np.concatenate(own) for own in zip((values[known], rates[known]), *others, strict=True))
         return values, rates, (np.arange(len(values)) >= known.sum()) != self.kept_first
-
-    def _remember(self, found: Extremes) -> None:
-        for rho in (found.least.rho, found.most.rho):
-            if not (self.active == rho).all(axis=1).any():
-                fixed = 4 if isinstance(self.scene, Scales) and self.scene.sizes.pairs is None else 0
-                kept = self.active if len(self.active) < MOST_ACTIVE else np.delete(self.active, fixed, axis=0)
-                self.active = np.ascontiguousarray(np.vstack([kept, rho]))
 
     def amount(self, q: Array) -> float:
         """Return the weighted amount of a motion."""

@@ -48,8 +48,7 @@ class Loop:
 
 def pair_loop(problem: Problem, pose: Array) -> Loop:
     """Return the rows of the contacts of two bodies as drawn, at a pose of the movable one."""
-    names = [size.name for size in problem.sizes]
-    gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), names, own=True)
+    gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), [size.name for size in problem.sizes], own=True)
     touching = gaps.touching([pose])
     claims = gaps.claims([pose])
     if len(claims) == 1:

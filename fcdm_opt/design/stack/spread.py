@@ -157,8 +157,7 @@ def _normal_of_sigma(size: Size, told: Mapping[str, Any], key: str) -> Normal:
         raise InputError("not with sigma", key=f"{key}.normal.{wrong[0]}", found=told[wrong[0]], allowed=allowed)
     with placed(key=key):
         ends = {name: told[name] for name in ("low", "high") if name in told}
-        sigma = positive(told["sigma"], "normal.sigma")
-        return Normal(told.get("mean", size.middle), sigma, **ends)
+        return Normal(told.get("mean", size.middle), positive(told["sigma"], "normal.sigma"), **ends)
 
 
 def drawn_from(touching: TouchingSizes) -> TouchingSizes:

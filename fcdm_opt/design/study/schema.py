@@ -195,8 +195,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
         raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
     if kind == "result":
         return result_schema("solve", {"": (Solution, AssemblySolution)})
-    model = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind]
-    document = model.model_json_schema()
+    document = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind].model_json_schema()
     document.pop("title", None)
     head = {"$schema": DIALECT, "$id": f"urn:fcdm-opt:{kind}", "title": f"{kind.capitalize()} file of fcdm-opt (TOML)"}
     return {**head, **document}

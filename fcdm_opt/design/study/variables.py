@@ -158,8 +158,7 @@ def shares(sampling: str, count: int, dimensions: int, *, seed: int) -> Array:
     within = rng.random((dimensions, count))
     if sampling == "random":
         return within
-    rows = np.tile(np.arange(count), (dimensions, 1))
-    return (rng.permuted(rows, axis=1) + within) / count
+    return (rng.permuted(np.tile(np.arange(count), (dimensions, 1)), axis=1) + within) / count
 
 
 def grid(start: float, stop: float, count: int, spacing: str = "linear") -> tuple[float, ...]:

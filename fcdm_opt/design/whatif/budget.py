@@ -457,8 +457,7 @@ class _Tolerances:
         if not self.names or isinstance(self.problem, Assembly):
             return [self.letter]
         sizes, (one, two) = self.sizes(tau), (self.problem.request[role] for role in ROLES)
-        known = self.touching and replace(self.touching, sizes=tuple(sizes))
-        return [made_at(one, two, sizes, self.letter, known)]
+        return [made_at(one, two, sizes, self.letter, self.touching and replace(self.touching, sizes=tuple(sizes)))]
 
     @cached_property
     def crossing(self) -> tuple[float, ...]:
@@ -516,8 +515,7 @@ class _Tolerances:
         if isinstance(self.problem, Assembly):
             scales = (1.0 + tau * self.shape[:, 0]).tolist()
             return self.problem.changed(scales=dict(zip(self.problem.parts, scales, strict=True)))
-        goal = self.problem.goal
-        return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=goal)
+        return self.problem.changed(requirement=self.letter, tolerance=table, target=None, goal=self.problem.goal)
 
     def asked_at(self, tau: float) -> list[Scene]:
         """Return the questions at a tolerance; of sizes of two parts by what is made: none is cut anew."""

@@ -127,10 +127,7 @@ class Comparison(ShortRepr, Plain):
 
 @known_arguments
 def compare(
-    problem: Scene,
-    motions: Mapping[str, Motion] | Iterable[Motion] | None = None,
-    *,
-    certify: bool = False,
+    problem: Scene, motions: Mapping[str, Motion] | Iterable[Motion] | None = None, *, certify: bool = False
 ) -> Comparison:
     """Solve a problem, or an assembly all parts of which move so, with families of motions; say which is cheapest.
 
@@ -219,8 +216,7 @@ def _other_centres(rows: list[FamilyRow]) -> dict[str, str]:
     for row in rows:
         if row.motion is not None and any(kind == "rotation" for _, kind in row.motion.parameters):
             points = {point for step in row.motion.steps for point in step.own_fixed_points or ()}
-            places = [f"({', '.join(map(number_text, point))})" for point in sorted(points)]
-            centres[row.name] = " and ".join(places)
+            centres[row.name] = " and ".join([f"({', '.join(map(number_text, point))})" for point in sorted(points)])
     if len({*centres.values()}) < 2:
         return {}
     return {

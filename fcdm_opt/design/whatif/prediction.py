@@ -108,8 +108,7 @@ def _discrete(old: Problem, new: Problem) -> Told:
         isinstance(old.nominal, int) and old.nominal_features != new.nominal_features
     ):
         yield "nominal", NAN, "the nominal contact has other features"
-    names = [kept.name for kept in old.keep_out]
-    if names != [kept.name for kept in new.keep_out]:
+    if [kept.name for kept in old.keep_out] != [kept.name for kept in new.keep_out]:
         yield "keep_out", NAN, "other keep-outs: no derivative by them"
     else:
         for one, two in zip(old.keep_out, new.keep_out, strict=True):
@@ -160,8 +159,7 @@ def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
 
 def _limits(before: Solution, new: Problem) -> Told:
     """Yield what changed limits add."""
-    rates = before.sensitivity.limits
-    for k, (name, (lower, upper)) in enumerate(rates.items()):
+    for k, (name, (lower, upper)) in enumerate(before.sensitivity.limits.items()):
         held, ends = before.problem.limits[k], new.limits[k]
         if held[0] == held[1]:
             yield from _freed(name, lower, ends - held[0])

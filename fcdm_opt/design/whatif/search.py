@@ -240,8 +240,7 @@ class ClashSearch:
             listed = [self.chosen[max(parts, key=len)] for chain in self.chains
                       if (parts := [level for level in chain if level <= names])]  # fmt: skip
             proved, sizes = status is Status.INFEASIBLE, self._sizes(names)
-            reason = "; ".join(why)
-            made.append(Clash(names=tuple(listed), proved=proved, status=status, sizes=sizes, reason=reason))
+            made.append(Clash(names=tuple(listed), proved=proved, status=status, sizes=sizes, reason="; ".join(why)))
         return made
 
     def _sizes(self, names: Names) -> tuple[str, ...]:

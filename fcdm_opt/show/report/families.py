@@ -39,8 +39,7 @@ def frames_of(problem: Problem, cases: int) -> float:
     """Return the share of its frames that a family has: fewer of bodies with many corners, and of many cases."""
     if problem.partial:
         return 0.0
-    corners = len(problem.movable.corners) + len(problem.static.corners)
-    return min(1.0, CORNERS / corners) * min(1.0, CASES / cases)
+    return min(1.0, CORNERS / (len(problem.movable.corners) + len(problem.static.corners))) * min(1.0, CASES / cases)
 
 
 def tolerance_family(frames: Frames, problem: Problem, solution: Solution, share: float) -> dict[str, Any] | None:
@@ -116,9 +115,8 @@ def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str,
             note=f"beyond the limits of {beyond}" if beyond else "",
         )
 
-    none = "at {:g} of the motion there is no pose"
     return _family(
-        frame, SHARES, share, lambda part: f"{100.0 * part:.0f} %", none,
+        frame, SHARES, share, lambda part: f"{100.0 * part:.0f} %", "at {:g} of the motion there is no pose",
         label="share of the motion", unit="of the motion",
     )  # fmt: skip
 

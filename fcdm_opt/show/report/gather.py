@@ -39,11 +39,7 @@ LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scip
 
 
 def gather(
-    files: Iterable[Any],
-    *,
-    certify: bool = True,
-    say: Callable[[str], None] | None = None,
-    frames: float | None = None,
+    files: Iterable[Any], *, certify: bool = True, say: Callable[[str], None] | None = None, frames: float | None = None
 ) -> dict[str, Any]:
     """Solve all cases of problem files and return what a report shows of them.
 
