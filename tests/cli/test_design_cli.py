@@ -338,7 +338,7 @@ def test_faces_of_a_file_whose_contacts_are_restored_were_refused(tmp_path: Path
     mesh = (PROBLEMS / "meshes").as_posix()
     bodies = "".join(f'[bodies.{role}]\nfile = "{mesh}/square_{name}.stl"\nunit = "mm"\nseed = "box"\n\n'
                      for role, name in (("movable", "peg"), ("static", "plate")))  # fmt: skip
-    asked = '[defaults]\ngoal = "seat"\ncontacts = "all"\nmotion = { translation = "x" }\n\n[[case]]\nname = "A"\n'
+    asked = '[defaults]\ngoal = "seat"\ncontacts = "all"\nmotion = [{ translation = "x" }]\n\n[[case]]\nname = "A"\n'
     (path := tmp_path / "mine.toml").write_text(bodies + asked + 'requirement = "A"\ntolerance = 0.01\n')
     code, told, said = run("faces", path)
     assert (code, "body 'square_peg'" in told, said) == (0, True, "")

@@ -241,7 +241,7 @@ def test_the_page_of_the_command_line_has_every_command_and_option():
         head, section = f"## fcdm-opt {name}\n", ""
         assert head in written
         section = written.split(head)[1].split("\n## ")[0]
-        for own in command.params:
+        for own in (own for own in command.params if not getattr(own, "hidden", False)):
             for spelling in (*own.opts, *own.secondary_opts) if own.param_type_name == "option" else ():
                 assert re.search(rf"(\| `|, | / ){spelling}\b", section), (name, spelling)
             assert own.help, (name, own.name)
