@@ -194,10 +194,9 @@ def whatif_command(
     from fcdm_opt.design.whatif.fitting import fits_up_to
     from fcdm_opt.design.whatif.whatif import whatif
     from fcdm_opt.show import tables
-    from fcdm_opt.show.assemblies import assembly_verdict
+    from fcdm_opt.show.assemblies import verdict_of
     from fcdm_opt.show.solved import SolvedCase
     from fcdm_opt.show.texts import advised
-    from fcdm_opt.show.verdict import verdict_text
     from fcdm_opt.solver import solve
 
     if not pacing.limited():
@@ -212,10 +211,9 @@ def whatif_command(
         solution: Bounded | None = solve(problem, time=math.inf) if plain or conflicts else None
         if plain and solution is not None and solution.verified and not solution.usable:  # outside the fit
             found = cast("Any", solution)
-            if hasattr(found, "assembly"):
-                lines = [assembly_verdict(found)]
-            else:
-                lines = [verdict_text(found), advised(SolvedCase(found, fits_up_to=fits_up_to(problem)))]
+            lines = [verdict_of(found)]
+            if not hasattr(found, "assembly"):
+                lines.append(advised(SolvedCase(found, fits_up_to=fits_up_to(problem))))
             yield "solution", solution, lambda _: tables.print_lines(lines)
         if conflicts or (solution is not None and not solution.verified):
             with common.named(problem="--conflicts" * conflicts):

@@ -22,7 +22,7 @@ from fcdm_opt.show.scene import VIEW, ShownBodies, contacts_of, numbered_contact
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.verdict import EXACT, barring, instruction_text
+from fcdm_opt.show.verdict import EXACT, barring, instruction_text, verdict_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
 
@@ -111,6 +111,11 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     gone = pacing.in_time(gone_through, solution, late=list[tuple[str, str]]())
     through = [f"straight there {one} goes through {other}, and no other way is looked for" for one, other in gone]
     return "; ".join([f"{done}: then every contact is {met}", solution.doubt or proved, *through])
+
+
+def verdict_of(solution: Any) -> str:
+    """Return the verdict of an answer about two parts or several."""
+    return (assembly_verdict if hasattr(solution, "assembly") else verdict_text)(solution)
 
 
 def assembly_instruction(solution: AssemblySolution) -> str:

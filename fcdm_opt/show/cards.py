@@ -20,7 +20,7 @@ from fcdm_opt.design.compensation.table import simplices
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.problem.problem import TRACKING
 from fcdm_opt.show import Figure, bare_pixels
-from fcdm_opt.show.assemblies import assembly_figure, assembly_instruction, assembly_verdict, part_texts
+from fcdm_opt.show.assemblies import assembly_figure, assembly_instruction, assembly_verdict, part_texts, verdict_of
 from fcdm_opt.show.maps import map_figure
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.rendering import rendered
@@ -256,10 +256,9 @@ def _title(what: str, problem: Problem) -> str:
 
 def _instruction(solution: Any) -> str:
     """Return what to move how far, of two parts or several; why nothing where that is not known."""
-    several = hasattr(solution, "assembly")
-    if solution.usable:
-        return (assembly_instruction if several else instruction)(solution)
-    return (assembly_verdict if several else verdict_text)(solution)
+    if not solution.usable:
+        return verdict_of(solution)
+    return (assembly_instruction if hasattr(solution, "assembly") else instruction)(solution)
 
 
 def _bound(solution: Bounded, unit: str) -> tuple[str, str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
@@ -342,6 +343,26 @@ def test_faces_of_a_file_whose_contacts_are_restored_were_refused(tmp_path: Path
     (path := tmp_path / "mine.toml").write_text(bodies + asked + 'requirement = "A"\ntolerance = 0.01\n')
     code, told, said = run("faces", path)
     assert (code, "body 'square_peg'" in told, said) == (0, True, "")
+
+
+def test_what_if_of_an_assembly_outside_the_fit_was_an_internal_error(tmp_path: Path) -> None:
+    """A pallet 39.8 wide between posts that are 40 apart less .25, on the floor."""
+    cube = Manifold.cube
+    base = cube((80, 20, 5)).translate((-40, -10, -5))
+    for x in (-28, 20):
+        base += cube((8, 20, 9)).translate((x, -10, -1))
+    for name, solid in (("base", base), ("pallet", cube((39.8, 20, 6)).translate((-19.9, -10, 0)))):
+        mesh = solid.to_mesh64()
+        trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(tmp_path / f"{name}.off")
+    text = "".join(
+        f'[[part]]\nname = "{own}"\nfile = "{own}.off"\nunit = "mm"\nseed = "box"\n' for own in ("base", "pallet")
+    )
+    text += 'motion = [{ translation = "x" }, { translation = "z" }]\n[[contact]]\nparts = ["pallet", "base"]\n'
+    text += '[[size]]\nname = "post"\nbody = "base"\nfaces = [{ through = [20, 0, 4] }, { through = [28, 0, 4] }]\n'
+    text += 'along = "x"\ntolerance = 0.2\n[[case]]\nname = "too far"\nmade = { post = -0.25 }\n'
+    (path := tmp_path / "cell.toml").write_text(text)
+    code, told, _ = run("whatif", path)
+    assert (code, "does not fit: pallet 39.800 mm in base 39.750 mm" in told) == (1, True)
 
 
 @pytest.mark.slow

@@ -617,7 +617,8 @@ def test_sizes_that_mend_what_does_not_fit_are_named_where_a_motion_leaves_the_f
     problem = fo.Problem(t_nut(), t_rail(), sizes=sizes, **asked)
     solution = fo.solve(problem)
     assert solution.status is Status.OUTSIDE_FIT
-    assert advised(SolvedCase(solution)) == "The motion leaves the fit: change nut wide or slot wide."
+    assert verdict_text(solution).startswith("does not fit: nut 20.100 mm in slot 20.000 mm")
+    assert advised(SolvedCase(solution)) == "Change nut wide or slot wide."
 
 
 @pytest.mark.slow
