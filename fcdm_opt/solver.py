@@ -44,6 +44,7 @@ from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
 from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.tolerances import DEFAULT
 
+MOST_PROVED = 3  # times that what a proof finds is looked at on true faces
 MOST_OF_TIME = 0.6  # share of it in which true faces are looked for: else there is none for facets
 MOST_INSIDES = 8  # bodies inside of solids, as often as an answer lies in one
 SHOWN_SECONDS = 1.0  # that such a proof about large meshes may take
@@ -202,17 +203,17 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
         return found if again else _restored(problem, touching, how)
-    asked = problem
-    for confirm in (False, True):  # a motion that is not the least may lead to points that do not matter
+    asked, tried = problem, problem.exact_at
+    for confirm in (False, *[True] * MOST_PROVED):  # a motion that is not the least may lead to points of no matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
         with pacing.sharing(MOST_OF_TIME):
             solve_parts = partial(_solved_all, how=quick)
             pacing.at("looking where true faces meet")
             points = pacing.in_time(points_of_true_faces, asked, solve_parts, outside_fit, late=None)
             cut_off = pacing.stopped()
-        if points is None or points == asked.exact_at:
+        if points is None or points == tried:
             continue
-        asked = problem.with_exact_points(points)
+        asked, tried = problem.with_exact_points(points), points
         found = pacing.in_time(_solved_all, asked, how, late=None)
         if found is not None and (
             _may_be_used(found, how) or found.status in IMPOSSIBLE or (found.status.found and pacing.over())
@@ -220,6 +221,9 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
             return found if found.usable else replace(found, stopped=found.stopped or cut_off)
         if found is not None and found.status.found and problem.goal == "clear" and outside_fit(found):
             return replace(found, status=Status.OUTSIDE_FIT)  # parts within the true ones leave the fit at least
+        exchange = Exchange.of(asked)  # a proof may lead to smaller motions, after which true faces overlap elsewhere
+        if exchange is not None and found is not None and found.transform is not None:
+            asked = exchange.problem if exchange.refine(found.transform) else asked
     return None
 
 

@@ -27,6 +27,7 @@ MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 HALVINGS = 60  # of a side, to where it crosses a rim
 LITTLE = 0.1  # of what is open
+IDENTITY = np.eye(4)
 CHUNK = 16_384  # pairs of pieces whose motions are looked at together
 SURELY = 1.0 + 1e-6  # what is rounded: a hundred times what second derivatives by differences are off
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
@@ -41,6 +42,7 @@ class FacePieces(NamedTuple):
     patches: Ints  # (n,)
     others: Ints  # (n, 3): the patch beyond the side from each corner to the next; -1 within the patch
     errors: Array  # no point of the piece is further from the triangle, (n,)
+    axial: Array  # nor along its surface's axis, at a right angle to a plane, (n,)
 
     @classmethod
     def of(cls, faces: TrueFaces) -> FacePieces:
@@ -56,12 +58,12 @@ class FacePieces(NamedTuple):
             for side in range(3):
                 a, b = own[side], own[(side + 1) % 3]
                 others[k, side] = known.get((min(a, b), max(a, b), patch), -1)
-        whole = cls(faces.corners, faces.owners, others, np.zeros(len(others)))
+        whole = cls(faces.corners, faces.owners, others, *np.zeros((2, len(others))))
         return whole.outside_holes(faces)[0].measured(faces.patches)
 
     def only(self, rows: Flags) -> FacePieces:
         """Return some of them."""
-        return FacePieces(self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows])
+        return FacePieces(*(own[rows] for own in self))
 
     def measured(self, patches: Sequence[Patch]) -> FacePieces:
         """Return them with their errors."""
@@ -72,8 +74,14 @@ class FacePieces(NamedTuple):
         middles, on = self.middles(patches), (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
         of_each = np.repeat(self.patches, 3)[:, None]
         on = onto_each(on.reshape(-1, 3), [own.surface for own in patches], of_each).reshape(-1, 3, 3)
-        trimmed = np.where(self.others >= 0, norms(middles - on), 0.0).max(axis=1)
-        return self._replace(errors=errors + TRIM * trimmed)
+        trimmed = TRIM * np.where(self.others >= 0, norms(middles - on), 0.0)
+        axes, flat = np.array([own.surface.axis for own in patches]), np.array([own.surface.flat for own in patches])
+        straight = np.array([own.surface.line == (1.0, 0.0) for own in patches])  # cylinders
+        turned = norms(cross(axes[self.patches][:, None], axes[self.others]))
+        axial = np.where(flat[self.others] & (turned <= DEFAULT.tie), 0.0, trimmed).max(axis=1)  # not up to circles
+        errors = errors + trimmed.max(axis=1)
+        axial = np.where(flat[self.patches], 0.0, np.where(straight[self.patches], axial, errors))
+        return self._replace(errors=errors, axial=axial)
 
     def outside_holes(self, faces: TrueFaces) -> tuple[FacePieces, Ints]:
         """Return the pieces of plane faces that end at the rims of their holes, and which piece each is of."""
@@ -111,7 +119,7 @@ class FacePieces(NamedTuple):
         ab, bc, ca = (self.others[k, (side + turn) % 3] for turn in range(3))
         corners = np.concatenate([np.stack([a, points, c], axis=1), np.stack([points, b, c], axis=1)])
         others = np.concatenate([np.column_stack([ab, within, ca]), np.column_stack([ab, bc, within])])
-        return FacePieces(corners, np.tile(self.patches, 2), others, np.zeros(len(corners)))
+        return FacePieces(corners, np.tile(self.patches, 2), others, *np.zeros((2, len(corners))))
 
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
@@ -149,6 +157,7 @@ class PoseDerivatives(NamedTuple):
 
     first: Array  # derivatives of its pose by each, (k, 3, 4)
     second: Array  # (k, k, 3, 4): by each two; zero where nothing turns
+    limits: Array = np.array([[-np.inf, np.inf]])  # of each, (k, 2) or of all, (1, 2)
 
     @property
     def spin(self) -> float:
@@ -166,12 +175,31 @@ class PoseDerivatives(NamedTuple):
         speed = float(np.linalg.norm(self.at(points), axis=(1, 2)).max(initial=0.0)) + self.spin * errors
         return speed * (1.0 + 2.0 * self.spin * amount)
 
-    def along(self, directions: Array, corners: Array) -> Array:
-        """Return how far a triangle's corners, (m, 3, 3), go at most along directions, (m, d, 3), to first order."""
-        if not self.spin:
-            return np.asarray(np.linalg.norm(directions @ self.first[:, :, 3].T, axis=-1))
-        each = (directions @ np.moveaxis(self.at(corners[:, c]), 1, 2) for c in range(3))
-        return reduce(np.maximum, (np.linalg.norm(own, axis=-1) for own in each))
+    def within_limits(self, slopes: Array, amount: float) -> tuple[Array, Array, Array]:
+        """Return what coordinates of that amount at most do along slopes, (..., k): all they do is no more than a sum.
+
+        The slopes without those of coordinates that are then at their limits; what these do, (...), and the amount of
+        all others. To the length of the former times the latter this is to be added.
+        """
+        steep, at = np.abs(slopes), np.zeros(slopes.shape, bool)
+        ends, rest = np.where(slopes > 0.0, self.limits[:, 1], -self.limits[:, 0]), np.full(slopes.shape[:-1], amount)
+        for _ in range(len(self.first) if (ends < amount).any() else 0):
+            others = np.maximum(np.linalg.norm(np.where(at, 0.0, steep), axis=-1), SMALLEST)
+            at |= (rest / others)[..., None] * steep > ends
+            rest = np.sqrt(np.maximum(amount**2 - (np.where(at, ends, 0.0) ** 2).sum(axis=-1), 0.0))
+        return np.where(at, 0.0, slopes), (steep * np.where(at, ends, 0.0)).sum(axis=-1), rest
+
+    def along(self, directions: Array, corners: Array, amount: float) -> tuple[Array, Array]:
+        """Return how far a triangle's corners, (m, 3, 3), go at most along directions, (m, d, 3), to first order.
+
+        And how much less far at most, per unit by which the amount is less.
+        """
+        moves, found = [self.at(corners[:, c]) for c in range(3)] if self.spin else [self.first[None, :, :, 3]], []
+        for own in moves:
+            slopes, at_limits, rest = self.within_limits(directions @ np.moveaxis(own, 1, 2), amount)
+            speed = np.linalg.norm(slopes, axis=-1)
+            found.append((at_limits + speed * rest, speed * amount / np.maximum(rest, SMALLEST)))
+        return reduce(np.maximum, (far for far, _ in found)), reduce(np.maximum, (speed for _, speed in found))
 
     def least(self, apart: Array, u: Array, corners: Array, errors: Array, goal: float) -> Array:
         """Return amounts, up to `goal`, below which triangles, within errors, go no farther along u, (m, 3), than that.
@@ -183,14 +211,14 @@ class PoseDerivatives(NamedTuple):
         one, turned = np.eye(len(self.first)), self.spin * goal
         square, constant = np.zeros(len(u)), np.zeros(len(u))
         for own in np.moveaxis(corners, 1, 0):
-            g = np.einsum("mkx,mx->mk", self.at(own), u)
+            g, most, _ = self.within_limits(np.einsum("mkx,mx->mk", self.at(own), u), goal)
             H = np.einsum("klxy,mx,my->mkl", self.second[..., :3], u, own)
             H = H + np.einsum("klx,mx->mkl", self.second[..., 3], u)
             size = np.maximum(np.linalg.norm(g, axis=1), SMALLEST)
             bend = np.einsum("mk,mkl,ml->m", g, H, g) / size**2
             m = np.maximum(size / goal + bend, 2.0 * np.linalg.norm(H, axis=(1, 2)))
             inverse = np.linalg.solve(m[:, None, None] * one - H, g[..., None])[..., 0]
-            square, constant = np.maximum(square, m / 2.0), np.maximum(constant, (g * inverse).sum(axis=1) / 2.0)
+            square, constant = np.maximum(square, m / 2.0), np.maximum(constant, (g * inverse).sum(axis=1) / 2.0 + most)
         speed = self.farthest(corners.reshape(-1, 3), 0.0, goal)
         free = apart / SURELY - constant - turned**2 * speed * goal / 2.0 - turned * errors
         return np.minimum(np.sqrt(np.maximum(free, 0.0) / square), goal)
@@ -207,6 +235,7 @@ class FacesApart:
         self._nearest = np.zeros((0, 2), np.int64)
         self.remaining = most
         self._concave = [np.array([patch.concave for patch in own.patches]) for own in faces]
+        self._axes = [np.array([patch.surface.axis for patch in own.patches]) for own in faces]
 
     def least(self, transform: Array, *, small: float = 0.0) -> float:
         """Return what their distance is at least, 0 where none is shown.
@@ -229,7 +258,7 @@ class FacesApart:
             self.remaining -= len(i)
             if self.remaining < 0:
                 break
-            lows = _separations(one[i], two[j], errors[0][i] + errors[1][j])
+            lows = _separations(one[i], two[j], self._missed(self._nearest, transform))
             some = np.argsort(lows, kind="stable")[:SOME]  # the nearest are among them
             upper, low = min(upper, _no_more(one, two, errors, self._nearest[some])), float(lows.min())
             near = (lows < (1.0 - SHARE) * upper) & (lows < upper - small)
@@ -239,6 +268,15 @@ class FacesApart:
             self._nearest = self._nearest[near | (lows <= upper)]
             self._cut(pairs, small, np.zeros((2, len(pairs)), bool))
         return 0.0
+
+    def _missed(self, pairs: Ints, transform: Array = IDENTITY) -> Array:
+        """Return what pieces leave their triangles by: (2, m, 5), at most, along an axis, and that axis."""
+        found = [
+            np.column_stack([own.errors, own.axial, axes[own.patches]])[pairs[:, k]]
+            for k, (own, axes) in enumerate(zip(self._pieces, self._axes, strict=True))
+        ]
+        found[0][:, 2:] = found[0][:, 2:] @ transform[:3, :3].T
+        return np.array(found)
 
     def least_amount(self, rates: PoseDerivatives, most: float, goal: float) -> float:
         """Return an amount below which no motion makes them touch, `goal` where it is no less.
@@ -267,7 +305,7 @@ class FacesApart:
             missed = errors[0][i] + errors[1][j]
             lows = np.full(len(i), goal)
             for rows in np.split(np.flatnonzero(~kept.any(axis=0)), range(CHUNK, len(i), CHUNK)):
-                lows[rows] = _separations(one[rows], two[rows], missed[rows], rates, goal)
+                lows[rows] = _separations(one[rows], two[rows], self._missed(self._nearest[rows]), rates, goal)
             near, least = lows < goal, int(lows.argmin()) if len(lows) else 0
             if not near.any():
                 return goal
@@ -341,6 +379,9 @@ class FacesApart:
             if its.line not in (None, (1.0, 0.0)) or its.ring or (its.line and not bore):
                 of_face.append(0.0 if its.flat else np.inf)
                 continue
+            if its.line is None and not its.ring:  # a ball goes out as far as its centre and its radius
+                centre = float(steep * norms(off) - slope * ((its.origin - surface.origin) @ surface.axis))
+                levels[rows] = centre + its.radius
             along = np.abs((own.corners[rows] - its.origin) @ its.axis).max(initial=0.0)
             along += own.errors[rows].max(initial=0.0)
             of_face.append(float(norms(off)) + turned * along * (its.line is not None) + its.radius)
@@ -460,8 +501,9 @@ def _farthest_after(
     bend = rates.spin * amount * (errors[:, None] + rates.farthest(corners.reshape(-1, 3), 0.0, amount) * amount)
     room = errors[:, None] + bend
     a = np.minimum(norms(aside) + room, farthest[0][:, None] + bend)
-    b = np.minimum(np.linalg.norm((moves * aside[..., None, :]).sum(axis=-1), axis=-1) + room * far, a * far)
-    most = np.sqrt(a * a + 2.0 * amount * b + (amount * far) ** 2)
+    slopes, at_limits, rest = rates.within_limits((moves * aside[..., None, :]).sum(axis=-1), amount)
+    b = np.minimum(np.linalg.norm(slopes, axis=-1) * rest + at_limits + amount * room * far, amount * a * far)
+    most = np.sqrt(a * a + 2.0 * b + (amount * far) ** 2)
     lift = np.linalg.norm(moves @ surface.axis, axis=-1)
     along = off @ surface.axis - np.sign(slope) * (room + amount * lift)
     push = bend + amount * np.minimum(speed, steep * far + abs(slope) * lift)
@@ -509,11 +551,11 @@ def _followed(pairs: Ints, k: int, of: Ints) -> Ints:
 
 
 def _separations(
-    one: Array, two: Array, errors: Array, rates: PoseDerivatives | None = None, goal: float = 0.0
+    one: Array, two: Array, missed: Array, rates: PoseDerivatives | None = None, goal: float = 0.0
 ) -> Array:
     """Return what pieces are apart at least, (m,), by their triangles, (m, 3, 3), and what both leave these."""
     # the largest separation along some directions; with `rates`, of such pieces the amount below which they do not
-    # meet, known up to `goal`, see `FacesApart.least_amount`
+    # meet, known up to `goal`, see `FacesApart.least_amount`. `missed`: see `FacesApart._missed`
     sides = [own - np.roll(own, -1, axis=1) for own in (one, two)]
     normals, between = [unit_normals(own) for own in (one, two)], two.mean(axis=1) - one.mean(axis=1)
     directions = [normals[0][:, None], normals[1][:, None], between[:, None]]
@@ -523,23 +565,27 @@ def _separations(
         moves = rates.at(one.mean(axis=1)) if rates.spin else rates.first[None, :, :, 3]
         inverse = np.linalg.pinv(moves)  # (m, 3, k)
         least = np.einsum("mxk,mx->mk", inverse, between)
-        directions += [(between - np.einsum("mkx,mk->mx", moves, least))[:, None]]
+        allowed = np.clip(least, *rates.limits.T)
+        directions += [(between - np.einsum("mkx,mk->mx", moves, allowed))[:, None]]
         directions += [np.einsum("mxk,mk->mx", inverse, least)[:, None]]
     every = np.concatenate(directions, axis=1)
     length = norms(every)
     every = every / np.maximum(length, SMALLEST)[..., None]
     heights = ([dots(every, own[:, None, k]) for k in range(3)] for own in (one, two))
     (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
-    apart = np.maximum(under - high, low - over) - errors[:, None]
+    every = every * np.where(under - high >= low - over, 1.0, -1.0)[..., None]
+    apart = np.maximum(under - high, low - over)
+    for own in missed:
+        square, less = own[:, :1] ** 2, own[:, :1] ** 2 - own[:, 1:2] ** 2
+        apart = apart - np.sqrt(np.maximum(square - less * dots(every, own[:, None, 2:]) ** 2, 0.0))
     if rates is None:
         return np.asarray(np.where(length > SMALLEST, apart, -np.inf).max(axis=1))
-    along = rates.along(every, one)
-    if rates.spin:  # what is not of first order is small beside this
-        along = along + rates.spin * goal * rates.farthest(one.reshape(-1, 3), 0.0, goal)
-    found = np.divide(apart, along, out=np.where(apart > 0.0, np.inf, -np.inf), where=along > SMALLEST)
+    far, speed = rates.along(every, one, goal)
+    bend = rates.spin * goal * rates.farthest(one.reshape(-1, 3), 0.0, goal) if rates.spin else 0.0
+    free, speed = apart - far - bend * goal, speed + bend  # what is not of first order is small beside this
+    found = goal + np.divide(free, speed, out=np.where(free > 0.0, np.inf, -np.inf), where=speed > SMALLEST)
     found = np.where(length > SMALLEST, found, -np.inf)
     best = np.arange(len(one)), found.argmax(axis=1)
     if not rates.spin:
         return np.asarray(found[best])
-    u = every[best] * np.where(under[best] - high[best] >= low[best] - over[best], 1.0, -1.0)[:, None]
-    return rates.least(apart[best], u, one, errors, goal)
+    return rates.least(apart[best], every[best], one, missed[..., 0].sum(axis=0), goal)

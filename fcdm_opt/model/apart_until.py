@@ -51,7 +51,7 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
             if low < goal:
                 break
         return low, low >= amount * (1.0 - NEAR)
-    end = amount / float(problem.weights[0])
+    end, (low, high) = amount / float(problem.weights[0]), problem.limits[0].tolist()
 
     def pose(q: float) -> Array:
         return problem.motion.transform(np.array([q]), bodies[0].seed, bodies[1].seed)
@@ -64,15 +64,15 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     speeds = norms(bodies[0].vertices @ rate[:3, :3].T + rate[:3, 3])
     speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:3, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
     found, near, whole = end, NEAR * end, True
-    for side in (1.0, -1.0):
+    for side, limit in ((1.0, high), (-1.0, -low)):
         apart, x = FacesApart(faces, pairs), 0.0
         for _ in range(STEPS):
-            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < end - near else 0.0
+            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < min(end - near, limit) else 0.0
             if not free > 0.0:
                 break
             x += free / speed
             pacing.check()
-        found, whole = min(found, x), whole and apart.remaining >= 0
+        found, whole = min(found, end if x >= limit else x), whole and apart.remaining >= 0
         if not found > 0.0:
             return None
     return min(found * float(problem.weights[0]), amount), whole
@@ -89,7 +89,7 @@ def _rates(problem: Problem, bodies: list[Body]) -> PoseDerivatives | None:
         return kinematics.rates(q)[1][:, :3] / problem.weights[:, None, None]
 
     first, second = at(np.zeros(count)), np.zeros((count, count, 3, 4))
-    rates = PoseDerivatives(first, second)
+    rates = PoseDerivatives(first, second, problem.limits * problem.weights[:, None])
     if rates.spin:
         step = DIFFERENCE / rates.spin
         for k, ahead in enumerate(np.diag(step / problem.weights)):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
+from operator import rshift
 from pathlib import Path
 
 import numpy as np
@@ -283,6 +284,69 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     rates = PoseDerivatives(first, np.zeros((len(shifts), *first.shape)))
     apart = FacesApart(faces, 10_000)
     assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
+
+
+@pytest.mark.parametrize(
+    ("axes", "limits", "shift"),
+    [
+        ("x", {"TX": (-1.0, 0.0)}, (-0.004 - math.sqrt(0.03**2 - 0.003**2), 0.0)),
+        ("x", {"TX": (-1.0, 0.01)}, (-0.004 - math.sqrt(0.03**2 - 0.003**2), 0.0)),
+        ("xy", {"TX": (-1.0, 0.0), "TY": (0.0, 1.0)}, (0.0, 0.003 + math.sqrt(0.03**2 - 0.004**2))),
+        ("xy", {"TX": (-1.0, 0.01)}, (0.01, 0.003 - math.sqrt(0.03**2 - 0.014**2))),
+    ],
+)
+def test_less_in_a_sense_that_limits_forbid_was_not_ruled_out(
+    axes: str, limits: dict[str, tuple[float, float]], shift: tuple[float, float]
+) -> None:
+    """A pin with play .03, drawn (.004, -.003) off its bore, nearest to it along (.8, -.6)."""
+    drawn, motion = pin(9.97, at=(0.004, -0.003)), reduce(rshift, map(fo.Translation, axes))
+    solution = usable(asked(drawn, plate(10.0), motion, limits=limits))
+    assert solution.amount == pytest.approx(math.hypot(*shift), rel=1e-8)
+    assert solution.amount * (1.0 - 1e-4) <= solution.amount_low <= math.hypot(*shift) * (1.0 + 1e-9)
+
+
+def test_less_than_a_turn_was_not_ruled_out_as_the_other_sense_needs_less() -> None:
+    """A pin on an arm, off the middle of its bore by a turn of .0005: its axis goes 2 d sin(a / 2) from there."""
+    d, r, play, off = 30.0, 4.0, 0.05, 5e-4
+    bore = fo.Cylinder(r + play, 10, base=(d * math.cos(off), d * math.sin(off), -5))
+    base = fo.cut(fo.Box((120, 40, 5), centre=(0, 0, -0.5)), bore)
+    turn = fo.Rotation("z", centre=(0, 0, 0))
+    problem = asked(fo.Cylinder(r, 10, base=(d, 0, -4.9)), base, turn, length=1.0, limits={"RZ": (-0.5, 0.0)})
+    solution = usable(problem)
+    assert solution.amount == pytest.approx(2.0 * math.asin(play / 2.0 / d) - off, **NEAR)
+    assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
+
+
+def test_less_than_a_ball_above_its_cone_goes_was_not_ruled_out_all_round() -> None:
+    """Drawn .25 above where it lies in a cone of half angle 37 degrees: .25 sin 37 at a right angle to the cone."""
+    half = math.radians(37.0)
+    centre, slope = 5.0 / math.sin(half) + 0.25, math.tan(half)
+    hole = fo.Cone(2.0 * slope, 13.0 * slope, 11.0, base=(0, 0, 2))
+    block = fo.cut(fo.Box((40, 40, 15), centre=(0, 0, 4.5)), hole)
+    solution = usable(asked(fo.Sphere(5.0, centre=(0, 0, centre)), block, X >> Y >> Z))
+    assert solution.amount == pytest.approx(0.25 * math.sin(half), rel=1e-8)
+    assert solution.amount * (1.0 - 1e-4) <= solution.amount_low <= 0.25 * math.sin(half) * (1.0 + 1e-9)
+
+
+def test_less_was_not_ruled_out_between_plane_faces_that_end_at_circles() -> None:
+    """A ring 2 wide in the groove, 2.05 wide, of a piston: what rims leave their chords by lies in these planes."""
+    groove = fo.cut(fo.Cylinder(20.0, 2.05, base=(0, 0, -1.025)), fo.Cylinder(16.0, 4, base=(0, 0, -2)))
+    piston = fo.cut(fo.Cylinder(19.9, 30.0, base=(0, 0, -15)), groove)
+    ring = fo.cut(fo.Cylinder(20.0, 2.0, base=(0, 0, -1)), fo.Cylinder(16.2, 4, base=(0, 0, -2)))
+    solution = usable(asked(ring, piston, Z))
+    assert solution.amount == pytest.approx(0.025, **NEAR)
+    assert solution.amount_low >= (1.0 - 1e-4) * 0.025
+
+
+@pytest.mark.slow
+def test_a_pin_free_to_tilt_was_cleared_by_its_facets_as_a_proof_found_less_for_points() -> None:
+    """Of radius 6.1995 in a bore of 6.2, drawn .005 off: .0045 of a shift, and no tilt that a thousandth of it needs."""
+    drawn = fo.Cylinder(6.1995, 40, base=(0.004, -0.003, -13))
+    bored = fo.cut(fo.Box((40, 40, 14), centre=(0, 0, 7)), fo.Cylinder(6.2, 16, base=(0, 0, -1)))
+    solution = usable(asked(drawn, bored, fo.Free(), goal="clear"))
+    assert solution.amount == pytest.approx(0.0045, rel=1e-6)
+    assert solution.amount_low >= 0.98 * 0.0045
+    assert solution.amount_high == solution.amount
 
 
 def test_bodies_about_parts_that_overlap_as_drawn_showed_what_true_parts_need(monkeypatch: pytest.MonkeyPatch) -> None:
