@@ -63,7 +63,8 @@ class FacePieces(NamedTuple):
 
     def only(self, rows: Flags) -> FacePieces:
         """Return some of them."""
-        return FacePieces(*(own[rows] for own in self))
+        own = self.corners[rows], self.patches[rows], self.others[rows], self.errors[rows], self.axial[rows]
+        return FacePieces(*own)
 
     def measured(self, patches: Sequence[Patch]) -> FacePieces:
         """Return them with their errors."""
