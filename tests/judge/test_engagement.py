@@ -606,7 +606,7 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     assert found.exit_code == 1
     words = re.sub(r"\s+", " ", found.stdout)
     assert "does not fit: nut 19.79 in slot 19.60" in words
-    assert "The parts fit up to ±1.52 %." in words
+    assert "With this motion the parts fit up to ±1.52 %." in words
     assert "outside" in found.stdout
     assert " yes" not in found.stdout
     data = json.loads(CliRunner().invoke(app, ["solve", str(problem_file), "--json"]).stdout)
@@ -791,3 +791,31 @@ def test_widths_were_said_to_prove_that_no_motion_does() -> None:
     told = verdict_text(dataclasses.replace(none, status=Status.NOT_FOUND))
     assert told.startswith("no motion found, and none proved impossible; does not fit")
     assert "no such motion" not in told
+
+
+@pytest.mark.parametrize("goal", ["seat", "at", "touch", "clear"])
+def test_faces_that_block_a_block_were_not_named(goal: Any) -> None:
+    """A block 10 wide in a slot of 10.4, .1 off its right wall, is made 3 % wider about its seed on the left."""
+    slot = fo.cut(fo.Box((30, 30, 10), centre=(0, 0, -2)), fo.Box((10.4, 40, 10), centre=(0, 0, 5)), name="slot")
+    wide = fo.Body.convex(block((-4.9, 5.1), (-5, 5), (0, 10)), seed=(-4.9, 0, 0), name="block")
+    asked = fo.Problem(wide, slot, target=(1.03, 1), nominal=(1, 1), goal=goal, motion=UP)
+    solution = fo.solve(asked)
+    assert "right face of block, face " in str(solution)
+    assert "(facing -x) of slot overlap by 0.2" in str(solution)
+    assert fo.solve(asked.changed(motion=ACROSS)).usable
+
+
+@pytest.mark.parametrize(
+    ("more", "most"),
+    [
+        ({"clearance": 0.25}, "0.2 mm"),  # half of the play of .4
+        ({"clearance": 0.25, "limits": {"TX": (-1, 0.1)}}, "0.15 mm"),  # .05 + .1
+        ({"clearance": 0.15, "keep_out": [fo.KeepOut(fo.Box((4, 4, 4), centre=(6.9, 0, 8)))]}, "0.1 mm"),
+    ],
+)
+def test_the_largest_clearance_that_can_be_met_was_not_told(more: dict[str, Any], most: str) -> None:
+    """A peg 10 wide in a hole of 10.4, .05 off one wall; a keep-out at 4.9 leaves it .05 on the other side."""
+    plate = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, 3)), fo.Box((10.4, 12, 8), centre=(0, 0, 3)), name="plate")
+    peg = fo.Box((10, 10, 10), centre=(-0.15, 0, 5), name="peg")
+    asked = fo.Problem(peg, plate, target=(1, 1), goal="clear", motion=fo.Translation("x"), unit="mm", **more)
+    assert advised(SolvedCase(fo.solve(asked))) == f"Choose a smaller clearance, at most {most}."
