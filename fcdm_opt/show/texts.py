@@ -267,8 +267,8 @@ def advised(case: SolvedCase) -> str:
     if not fits > 0.0 or table is None:
         return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
-    told += f" {'As meshed, with' if of_mesh else 'With'} this motion the parts fit up to"
-    return f"{told} ±{floored(100.0 * fits, 3)} %{others}."
+    motion = "As meshed, with this motion" if of_mesh else "With this motion"
+    return f"{told} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
 def _with_sizes(solution: Solution) -> str:
@@ -280,13 +280,13 @@ def _with_sizes(solution: Solution) -> str:
         return solution.advice
     problem = solution.problem
     names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
-    left = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
+    most = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
-    if left > 0.0:
-        most = measured(floored(left * (1.0 + ACCURACY), 3), problem.unit)
-        cures.append(f"choose a smaller clearance, at most {most}")
+    if most > 0.0:
+        clearance = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit)
+        cures.append(f"choose a smaller clearance, at most {clearance}")
     if not cures and verdict(problem).startswith("does not fit: "):  # wherever the part is moved to
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
