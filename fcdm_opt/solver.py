@@ -32,7 +32,7 @@ from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_
 from fcdm_opt.problem.arguments import is_real
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.contacts_restored import RESTORED, restores, restoring_motion, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, is_of_plane_faces, restores, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -181,6 +181,9 @@ def _least(problem: Problem, how: _How) -> Solution:
         solution = _solved_all(problem, how)
         if wide and _may_be_used(solution, how):  # as where one part is lifted off the other
             solution = _of_true_faces(problem, how) or solution
+        elif not (wide or _may_be_used(solution, how)) and is_of_plane_faces(problem):
+            touching = touching_again(problem)
+            solution = (touching and _restored(problem, touching, how)) or solution
         elif met_by_facets_only(solution):  # as of a pin that turns about its own axis
             why = "the only motion found brings facets together, and no true round faces"
             rest = Solution(problem=solution.problem, status=Status.NOT_FOUND, pair=solution.pair)
@@ -196,6 +199,8 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
     if not has_round_faces(problem):
         return None
     if (touching := touching_again(problem)) is not None:
+        if is_of_plane_faces(problem):
+            return None  # facets tell as much, unless they meet elsewhere
         turns = not problem.motion.shifts
         known = _restored(problem, touching, how) if turns or not how.certify else None  # which has no evidence
         if turns or (known is not None and known.lower_bound >= known.amount):

@@ -59,6 +59,7 @@ ONLY = "only motion"
 RESTORED = "contacts restored: none smaller by their equations, or no other motion"
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 FEW_PAIRS = 64  # part pairs up to which it is shown that they have no motion at all
+FEW = slice(4, None, 8)  # of the positions on a shift: sizes change in proportion, so overlaps are of stretches
 SWEPT = 64  # keep-outs of which what they sweep is kept
 DERIVED = 1e-6  # relative: how well derivatives are known that are worked out once more
 AS_FAR = 8.0  # times what facets leave of true faces: up to so far apart parts are looked at on these
@@ -823,6 +824,11 @@ class _Judge:
         if (asked := problem.restoring) is not None:
             again = "round faces that touch as drawn touch again"
             found.append(_at_least("contacts restored", float(restores(asked, self.transform)), 1.0, again))
+            if asked.tracked_features and asked.path == "coherent":
+                (s, poses), start = (own[FEW] for own in self._ray), problem.nominal_pair
+                scales = start + s[:, None] * (problem.target - start)
+                gap = min(true_gap(bodies, *own, self.limit) for own in zip(scales, poses, strict=True))
+                found.append(_at_least("path true faces", gap, -self.limit, note))
         for keep_out in problem.keep_out:
             bodies, need = (problem.movable, keep_out.body), keep_out.clearance
             scales = np.unique(np.linspace(*keep_out.ends, self.tolerances.scale_points)).tolist()
@@ -904,6 +910,11 @@ class _Judge:
     @cached_property
     def _way(self) -> tuple[Array, Array, Array]:
         """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
+        return *self._ray, self._tracked(*self._ray)
+
+    @cached_property
+    def _ray(self) -> tuple[Array, Array]:
+        """Positions on the straight ray of the parameters, and the pose at each."""
         problem = self.problem
         turned = sum(abs(x) for x, turns in zip(self.q.tolist(), problem.motion.turning, strict=False) if turns)
         count = max(self.tolerances.path_points - 1, int(np.ceil(min(turned, MOST_TURNED) / self.tolerances.path_turn)))
@@ -911,7 +922,7 @@ class _Judge:
         poses = np.full((len(s), 4, 4), np.nan)
         if self._known:  # a screw whose axis has vanished on the way has no pose there: nan too
             poses = problem.motion.kinematics(problem.movable.seed, problem.static.seed).transforms(s[:, None] * self.q)
-        return s, poses, self._tracked(s, poses)
+        return s, poses
 
     def _gaps(self, pairs: Array, scaled: ScaledPair | None = None) -> list[float]:
         """Return `judged_gaps` after the motion, of the problem's two bodies or of another pair."""

@@ -146,9 +146,12 @@ def _at_exact_points(solution: Solution, solve: Callable[[Problem, str], Solutio
 
 
 def cannot_be_restored(problem: Problem) -> bool:
-    """Tell whether no shift closes the gaps of all true faces that touch as drawn."""
-    found = None if touching_again(problem) is None else restoring_motion([problem])
-    return found is not None and found.q is None and found.bound == math.inf
+    """Tell whether no shift closes the gaps of true faces that touch as drawn, or the only one makes others overlap."""
+    found, asked = None if touching_again(problem) is None else restoring_motion([problem]), problem.of_facets
+    if found is None or found.q is None:
+        return found is not None and found.bound == math.inf
+    pose = asked.motion.transform(found.q, asked.movable.seed, asked.static.seed)
+    return found.only and _is_clear(asked, asked.target, pose) is False
 
 
 def _comparable(problem: Problem) -> bool:

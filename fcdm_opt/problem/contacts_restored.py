@@ -8,9 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.contact import Joint
+from fcdm_opt.curve.decision_curve import relative_pose
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.geometry.facet_errors import deviation_of, is_plane_there
+from fcdm_opt.geometry.facet_errors import deviation_of, is_plane_there, round_surfaces
 from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, patches_of_element, true_faces
 from fcdm_opt.problem.balls_on_faces import BallOnFace, balls_of, corners_on_plane
@@ -27,13 +29,15 @@ Pairs = set[tuple[int, int]]  # true faces of either body that meet in a point, 
 
 
 def touching_again(problem: Problem) -> Problem | None:
-    """Return the question of goal "touch" about parts whose round faces touch as drawn; None for other questions.
+    """Return the question of goal "touch" about round parts whose contacts as drawn are restored; None for others.
 
     All motions that restore these contacts are answers to it: where the least one restores them, it is the least of
     these too, see `restores`. Of shifts, by which what touches along a line does so again, and of contacts of true
     faces, round ones or plane.
     """
     asked = problem.of_facets
+    if is_of_plane_faces(asked):  # that round faces elsewhere keep clear is what goal "touch" asks
+        return asked.to_touch() if any(map(round_surfaces, asked.bodies[:2])) else None
     if not (
         asked.goal in ("at", "seat")
         and len(asked.contacts) == len(asked.nominal_joints)
@@ -52,9 +56,16 @@ def touching_again(problem: Problem) -> Problem | None:
 def is_of_plane_faces(problem: Problem) -> bool:
     """Tell whether all contacts as drawn that shifts are to restore are of plane faces, their edges and corners."""
     asked = problem.of_facets
-    joints = asked.chosen_joints if asked.goal in ("at", "seat") and asked.motion.shifts else ()
-    of_all = 0 < len(joints) == len(flat_contacts(asked)) and len(asked.contacts) == len(asked.nominal_joints)
-    return of_all and asked.resolution is None and not asked.round_contacts
+    if asked.goal not in ("at", "seat") or not asked.motion.shifts or asked.resolution is not None:
+        return False
+    of_all = 0 < len(_followed(asked)) == len(asked.nominal_joints) == len(flat_contacts(asked))
+    return of_all and not asked.round_contacts
+
+
+def _followed(problem: Problem) -> Sequence[Joint]:
+    """Return the contacts as drawn that a question is about: those restored together, or those that are tracked."""
+    tracked = problem.tracked_features
+    return problem.chosen_joints or [own for own in problem.nominal_joints if own.feature in tracked]
 
 
 def unfollowed(problem: Problem) -> int:
@@ -90,10 +101,12 @@ def _patches_met(problem: Problem, feature: Feature) -> Pairs:
 def restores(problem: Problem, transform: Array) -> bool:
     """Tell whether true faces that touch as drawn touch after a motion of parts made; False where no round one does."""
     asked, slack = problem.of_facets, problem.contact_slack
-    before = _met_as_drawn(problem)
+    before, flat = _met_as_drawn(problem), flat_contacts(asked)
     after = [own for own, met in _met(asked, transform) if abs(met.gap) <= slack]
-    closed = all(abs(_plane_gap(asked, own, transform)[0]) <= slack for own in flat_contacts(asked))
-    return closed and bool(before) and all(own & Pairs().union(*after) for own in before)
+    closed = all(abs(_plane_gap(asked, own, transform)[0]) <= slack for own in flat)
+    pose = relative_pose(asked.movable, asked.static, transform)
+    closed &= all(own.holds(pose, asked.target, slack) for own in asked.nominal_seats if own.feature in flat)
+    return closed and bool(before or flat) and all(own & Pairs().union(*after) for own in before)
 
 
 class RestoringMotion(NamedTuple):
@@ -207,7 +220,7 @@ def _nearest(problem: Problem, before: Sequence[Pairs], pose: Array) -> list[Nea
 def flat_contacts(problem: Problem) -> list[Feature]:
     """Return the contacts as drawn in which only plane faces, and their edges and corners, take part."""
     one, two = problem.bodies_made.values()
-    asked = (joint.feature for joint in problem.chosen_joints)
+    asked = (joint.feature for joint in _followed(problem))
     return [
         own
         for own in asked

@@ -650,7 +650,8 @@ class Solution(Bounded):
         return words
 
     def _nearest_miss(self) -> str:
-        return nearest_miss(self.problem) or "; ".join(self.active) if self.status is Status.INFEASIBLE else ""
+        missed = nearest_miss(self.problem) if self.status in IMPOSSIBLE else ""
+        return missed or "; ".join(self.active) * (self.status is Status.INFEASIBLE)
 
     @cached_property
     def sensitivity(self) -> Sensitivity:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, cast
 
+from fcdm_opt import pacing
 from fcdm_opt.geometry.size import direction
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
@@ -266,20 +267,27 @@ def advised(case: SolvedCase) -> str:
     if not fits > 0.0 or table is None:
         return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
     others = "" if table.max() == table.min() else ", the largest of these tolerances"
-    return f"{told} {'As meshed, the' if of_mesh else 'The'} parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+    motion = "As meshed, with this motion" if of_mesh else "With this motion"
+    return f"{told} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
 def _with_sizes(solution: Solution) -> str:
-    """Return the advice of an answer; where widths do not go together that is proved, what mends them, not limits."""
+    """Return the advice of an answer; of widths that do not go together, and of a clearance, what mends them."""
+    from fcdm_opt.design.whatif.fitting import ACCURACY, largest_clearance
     from fcdm_opt.problem.fit import mending_turn, sizes_that_lack, verdict
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
-    names, axis = sizes_that_lack(solution.problem), mending_turn(solution.problem)
+    problem = solution.problem
+    names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
+    most = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
-    if not cures and verdict(solution.problem).startswith("does not fit: "):  # wherever the part is moved to
+    if most > 0.0:
+        clearance = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit)
+        cures.append(f"choose a smaller clearance, at most {clearance}")
+    if not cures and verdict(problem).startswith("does not fit: "):  # wherever the part is moved to
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
     return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2]}.", solution.advice)

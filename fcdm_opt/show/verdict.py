@@ -67,12 +67,12 @@ def _refused_text(solution: Solution) -> str:
         proved = " (proved)" * (not solution.left_by_mesh)
         return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
-        barred = barring(problem)
+        why = barring(problem) or solution.reason
         asked = problem.goal == "clear" and problem.clearance > 0.0
-        more = _without_clearance(problem, barred) if asked else ""
+        more = _without_clearance(problem, why) if asked else ""
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
-        return more or f"does not fit: the only motion found {where}" + f"; {barred}" * bool(barred)
+        return more or f"does not fit: the only motion found {where}" + f"; {why}" * bool(why)
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
     if solution.stopped:
@@ -103,15 +103,15 @@ def barring(scene: Scene) -> str:
     return f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
 
 
-def _without_clearance(problem: Problem, barred: str) -> str:
-    """Return what is in the way of a clearance, where parts fit without one; "" where they do not."""
+def _without_clearance(problem: Problem, why: str) -> str:
+    """Return that parts fit without a clearance, with why not with one; "" where they do not."""
     bare = _solved(problem, clearance=0.0)
     if bare is None:
         return ""
     contact = contact_text(bare.problem, bare.features, bare.transform)
     closed = f": without one, {contact}" if contact and bare.pair_state == "touching" else ""
     asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
-    return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {barred}" * bool(barred)
+    return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
 
 
 def answer_text(solution: Solution) -> str:

@@ -311,6 +311,49 @@ def test_two_bores_too_far_apart_for_two_pins_are_told_by_the_faces_that_are_kno
     assert verdict(problem) == f"does not fit where it is drawn: cover 52.9 in base 51.0, {between}"
 
 
+def cover_on_pins(tau: float, goal: str = "seat", *, lands: bool = False) -> fo.Problem:
+    """A cover with bores of 8.1 on pins of 8, 60 apart, that lies on its base or on four lands; facets out of phase."""
+    pins = [fo.Cylinder(4, 13, base=(x, 0, -3), facets=24) for x in (30, -30)]
+    each = [(10, 10, 4), [(x, y, -2) for x in (-30, 30) for y in (-30, 30)]] if lands else [(80, 80, 4), [(0, 0, -2)]]
+    raised = [fo.Box(each[0], centre=own) for own in each[1]]
+    base = fo.joined(fo.Box((80, 80, 8), centre=(0, 0, -6)), *raised, *pins, name="base")
+    bores = [fo.Cylinder(4.05, 10, base=(x, 0, -1), facets=32) for x in (30, -30)]
+    cover = fo.cut(fo.Box((80, 80, 8), centre=(0, 0, 4)), *bores, name="cover")
+    return fo.Problem(cover, base, tolerance=tau, requirement="B", goal=goal, motion=UP, nominal=(1, 1))
+
+
+BETWEEN_BORES = 0.1 / 103.9  # 51.9 (1 + t) = 52 (1 - t); facets out of phase leave .00066
+
+
+@pytest.mark.parametrize(
+    ("goal", "lands"),
+    [
+        ("seat", False),
+        pytest.param("seat", True, marks=pytest.mark.slow),
+        pytest.param("at", False, marks=pytest.mark.slow),
+    ],
+)
+def test_facets_of_pins_kept_a_cover_from_lying_flat(goal: str, lands: bool) -> None:
+    """It was impossible where goal "touch" found the motion: pins only keep clear, the contact is of plane faces."""
+    problem = cover_on_pins(0.999 * BETWEEN_BORES, goal, lands=lands)
+    solution, (grown, shrunk) = fo.solve(problem), problem.target - 1.0
+    down = problem.movable.seed[2] * grown - problem.static.seed[2] * shrunk  # at z = 0 as drawn
+    assert solution.parameters["TZ"] == pytest.approx(down, abs=1e-9)
+    assert solution.status is Status.SOLVED
+    assert solution.lower_bound == pytest.approx(-down)
+    assert not solution.left_by_mesh
+    again = Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    assert fo.verify(again).passed
+    beyond = fo.solve(cover_on_pins(1.001 * BETWEEN_BORES, goal, lands=lands))
+    assert beyond.status is Status.INFEASIBLE
+    assert not beyond.left_by_mesh
+
+
+@pytest.mark.slow
+def test_up_to_which_tolerance_a_cover_lies_flat_was_told_of_facets() -> None:
+    assert fits_up_to(cover_on_pins(0.02)) == pytest.approx(BETWEEN_BORES, rel=1e-4)
+
+
 def lid_and_box(requirement: str) -> fo.Problem:
     """A lid with two pegs of 8, 50 apart, in holes of 8.1 of a box, which cuts of its parts touch."""
     pegs = [fo.Cylinder(4, 8, base=(x, 0, -8), facets=16) for x in (-25, 25)]
@@ -563,7 +606,7 @@ def test_the_command_line_tells_and_ends_with_an_error(problem_file: Path) -> No
     assert found.exit_code == 1
     words = re.sub(r"\s+", " ", found.stdout)
     assert "does not fit: nut 19.79 in slot 19.60" in words
-    assert "The parts fit up to ±1.52 %." in words
+    assert "With this motion the parts fit up to ±1.52 %." in words
     assert "outside" in found.stdout
     assert " yes" not in found.stdout
     data = json.loads(CliRunner().invoke(app, ["solve", str(problem_file), "--json"]).stdout)
@@ -748,3 +791,31 @@ def test_widths_were_said_to_prove_that_no_motion_does() -> None:
     told = verdict_text(dataclasses.replace(none, status=Status.NOT_FOUND))
     assert told.startswith("no motion found, and none proved impossible; does not fit")
     assert "no such motion" not in told
+
+
+@pytest.mark.parametrize("goal", ["seat", "at", "touch", "clear"])
+def test_faces_that_block_a_block_were_not_named(goal: Any) -> None:
+    """A block 10 wide in a slot of 10.4, .1 off its right wall, is made 3 % wider about its seed on the left."""
+    slot = fo.cut(fo.Box((30, 30, 10), centre=(0, 0, -2)), fo.Box((10.4, 40, 10), centre=(0, 0, 5)), name="slot")
+    wide = fo.Body.convex(block((-4.9, 5.1), (-5, 5), (0, 10)), seed=(-4.9, 0, 0), name="block")
+    asked = fo.Problem(wide, slot, target=(1.03, 1), nominal=(1, 1), goal=goal, motion=UP)
+    solution = fo.solve(asked)
+    assert "right face of block, face " in str(solution)
+    assert "(facing -x) of slot overlap by 0.2" in str(solution)
+    assert fo.solve(asked.changed(motion=ACROSS)).usable
+
+
+@pytest.mark.parametrize(
+    ("more", "most"),
+    [
+        ({"clearance": 0.25}, "0.2 mm"),  # half of the play of .4
+        ({"clearance": 0.25, "limits": {"TX": (-1, 0.1)}}, "0.15 mm"),  # .05 + .1
+        ({"clearance": 0.15, "keep_out": [fo.KeepOut(fo.Box((4, 4, 4), centre=(6.9, 0, 8)))]}, "0.1 mm"),
+    ],
+)
+def test_the_largest_clearance_that_can_be_met_was_not_told(more: dict[str, Any], most: str) -> None:
+    """A peg 10 wide in a hole of 10.4, .05 off one wall; a keep-out at 4.9 leaves it .05 on the other side."""
+    plate = fo.cut(fo.Box((30, 30, 6), centre=(0, 0, 3)), fo.Box((10.4, 12, 8), centre=(0, 0, 3)), name="plate")
+    peg = fo.Box((10, 10, 10), centre=(-0.15, 0, 5), name="peg")
+    asked = fo.Problem(peg, plate, target=(1, 1), goal="clear", motion=fo.Translation("x"), unit="mm", **more)
+    assert advised(SolvedCase(fo.solve(asked))) == f"Choose a smaller clearance, at most {most}."

@@ -24,6 +24,7 @@ from fcdm_opt.model.true_faces import Exchange
 from fcdm_opt.problem.contacts_restored import flat_contacts, restoring_motion, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.stages.contact_system import System
 
 TOLD = 3  # contacts that are told, those that are worst first
 MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
@@ -119,8 +120,15 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
             q, near = ahead, there
         else:
             radius *= SHRINK
-    own, between = near[0], _between(problem.movable, problem.static, near[0])
-    return q, [f"{between} {gap_text(own.gap + asked.need, 0.0, problem.unit, problem.clearance)}"]
+    return q, _overlapping(problem, asked, q)
+
+
+def _overlapping(problem: Problem, asked: Exchange, q: Array) -> list[str]:
+    """Return in words which true faces are nearest after a motion, where they are nearer than is asked."""
+    pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+    each = [own for own in asked.nearest(pose, SHARE * problem.size)[:1] if own.gap < -problem.contact_slack]
+    bodies = problem.of_facets.movable, problem.of_facets.static
+    return [f"{_between(*bodies, own)} {gap_text(own.gap + asked.need, 0.0, problem.unit, asked.need)}" for own in each]
 
 
 def _between(movable: Body, static: Body, met: NearestPoints) -> str:
@@ -132,6 +140,8 @@ def _between(movable: Body, static: Body, met: NearestPoints) -> str:
 def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
     """Return the shift at which contacts of true faces as drawn lack least, and what lacks there, worst first."""
     found, asked = restoring_motion([problem]), problem.of_facets
+    if found is not None and found.q is not None:  # others overlap there
+        return found.q, _overlapping(problem, Exchange(asked), found.q)
     if found is None or found.nearest is None:
         return np.zeros(len(problem.limits)), []
     movable, static = asked.bodies_made.values()
@@ -148,10 +158,11 @@ def _gaps(worst: Worst, q: Array) -> Iterator[tuple[float, str]]:
     scene, sizes = worst.scene, worst.scene.sizes.box[:, 0]
     at = scene.rows(worst.pose(q))
     gaps = at.of_pairs(sizes[None])[:, 0]
-    for k in np.argsort(gaps)[: 1 if worst.high == 0.0 < gaps.min() else None].tolist():
+    open_ = worst.high == 0.0 < gaps.min()  # that are to touch: else what overlaps lacks alone
+    for k in np.argsort(gaps)[: 1 if open_ else None].tolist():
         gap, one = float(gaps[k]), at.only(np.array([k]))
         between = scene.feature(one, one.at(sizes)).in_words(scene.movable, scene.static)
-        yield max(worst.low - gap, gap - worst.high), f"{between} {gap_text(gap, slack, unit, worst.low)}"
+        yield gap if open_ else worst.low - gap, f"{between} {gap_text(gap, slack, unit, worst.low)}"
 
 
 def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
@@ -173,8 +184,9 @@ def _contact_missed(problem: Problem) -> tuple[Array, list[str]]:
     if free.any():
         scales = np.maximum(NEAR, 1.0 / problem.weights[free])
         q[free] = least_squares(off, q[free], bounds=(low[free], high[free]), x_scale=scales).x
-    if np.abs(off(q[free])).max() <= NEAR * task.size:
-        return q, []
+    if np.abs(off(q[free])).max() <= NEAR * task.size:  # what else overlaps there
+        apart = problem.changed(goal="clear", clearance=0.0, pair="any", contacts=None, features=None, path=None)
+        return q, System.of(Task.of(apart)).overlaps(q) if task.tracked and problem.goal != "beyond" else []
     if problem.goal == "beyond":
         reached = " and ".join(f"{size:.6g}" for size in task.tracked_contact(q)[0].tolist())
         asked = " and ".join(f"{size:.6g}" for size in problem.target.tolist())

@@ -40,6 +40,20 @@ def largest_share(holds: Callable[[float], bool], low: float, high: float, *, ac
     return narrowed(holds, low, high, lambda low, high: high - low <= accuracy * high or high <= accuracy)
 
 
+def _largest(holds: Callable[[float], bool], most: float) -> float:
+    """Return up to where something holds that does not at `most`, to a share of `ACCURACY`; 0 where nowhere."""
+    least = ACCURACY * most  # below it there is none: of parts that overlap as drawn one question tells
+    return largest_share(holds, least, most, accuracy=ACCURACY)[0] if holds(least) else 0.0
+
+
+def largest_clearance(problem: Problem) -> float:
+    """Return the largest clearance that a motion leaves where none leaves that asked for, by bisection; length units.
+
+    As with `fits_up_to` one crossing is taken for granted. 0 where nothing is left.
+    """
+    return _largest(lambda need: solve(problem.changed(clearance=need), effort="quick").usable, problem.clearance)
+
+
 def fits_up_to(problem: Problem) -> float | None:
     """Return the largest tolerance at which a problem without a usable solution has one, by bisection.
 
@@ -66,9 +80,7 @@ def fits_up_to(problem: Problem) -> float | None:
     def narrowed_by(moved: Callable[[Problem], bool], share: float) -> float:
         if not share > 0.0 or fits(share, moved):
             return share
-        least = ACCURACY * share  # below it there is none: of parts that overlap as drawn one question tells
-        fit = partial(fits, moved=moved)
-        return largest_share(fit, least, share, accuracy=ACCURACY)[0] if fit(least) else 0.0
+        return _largest(partial(fits, moved=moved), share)
 
     wide = narrowed_by(lambda made: misfit(made) is None, 1.0)  # by widths alone, which a slanted shift may evade
     share = 1.0 if wide < 1.0 and fits(wide * (1.0 + BEYOND), has_motion) else wide
