@@ -176,7 +176,7 @@ class StackUp:
     @property
     def sizes(self) -> tuple[Size, ...]:
         """The sizes, in order."""
-        return self.touching.sizes
+        return (self.loop.sizes if self.loop is not None else ()) or self.touching.sizes
 
     @property
     def names(self) -> list[str]:
@@ -278,7 +278,7 @@ class StackUp:
         each, (low, high) = values.reshape(-1, len(self.names)), self.touching.box.T
         if not ((each >= low) & (each <= high)).all():
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
-            wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
+            wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.touching.sizes, *ends, strict=True)]
             return widened(self.touching, wider, least=False).gap(values)
         return self.touching.gap(values)
 
