@@ -300,3 +300,18 @@ def test_a_part_carried_by_another_has_the_walls_of_that_one() -> None:
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.1 - 0.15 - 0.07, 0.13), **NEAR)
     assert stack.gap({"floor": 2.0, "tall": 0.3}) == pytest.approx(-0.2, **NEAR)
     assert fo.verify(stack).passed
+
+
+@pytest.mark.sampled(2)
+def test_a_wall_beside_a_contact_was_gone_through_by_poses_without_a_window() -> None:
+    """Right of the block .1 is left, less .2 at worst: half of what it lacks is in either post.
+
+    With a left side that may grow by .05 as well it lacks .15, of which .075 are in either.
+    """
+    for width, shift in (((), -0.05), ([fo.Size("left", "block", faces="-x", tolerance=0.05)], -0.025)):
+        for window in (None, (0.0, np.inf)):
+            pose = fo.best_pose(between_posts(width=width), clearance=window)
+            off = -shift if not width else 0.075
+            assert pose.parameters == pytest.approx({"block.TX": shift}, **NEAR)
+            assert (pose.worst_gap, pose.least.gap) == pytest.approx((off, -off), **NEAR)
+            assert pose.passed
