@@ -274,15 +274,15 @@ class ContactGaps:
         task, (i, j) = self.tasks[own.relation], own.line.parts
         return _whole(task.movable, i), _whole(task.static, j)
 
-    def touching(self, transforms: Sequence[Array], relation: int = 0) -> TouchingSizes:
-        """Return the rows of one relation's contacts as those of a stack-up."""
-        rows, pairs, task = self.rows(transforms), [], self.tasks[relation]
+    def touching(self, rows: AffineGaps, transform: Array, relation: int = 0) -> TouchingSizes:
+        """Return the rows of one relation's contacts, at the pose of its body 1, as those of a stack-up."""
+        pairs, task = [], self.tasks[relation]
         for (k, feature), own in self.contacts.items():
             if k == relation:
                 parts = self.lines[own[0]].line.parts
                 pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], [feature] * len(own)))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
-        return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
+        return TouchingSizes(bodies, sizes, transform, tuple(pairs), (np.inf, ""), as_drawn=True)
 
 
 def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:

@@ -6,15 +6,17 @@ contacts but the one that is asked about stay closed, c + S p + D q = 0, by the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes, check_sizes
 from fcdm_opt.curve.true_sizes import touching_true_faces
-from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts, relations_of
+from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -47,11 +49,28 @@ class Loop:
         return replace(self.pair, least=least, largest=largest, told=told, beside=self.closed)
 
 
+def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[], Any] | None, **how: Any) -> Any:
+    """Return the rows of the gap of two bodies, of walls as of contacts; else, where these are not known, `contacts`.
+
+    They are not known of bodies kept as surfaces, of sizes that turn faces, and where other corners meet at some sizes.
+    """
+    check_sizes(sizes)
+    if contacts is not None and by_contacts(problem, named=False):
+        return contacts()
+    drawn = problem.request["movable"], problem.request["static"]
+    try:
+        return touching_true_faces(*drawn, sizes, permanent=False, **how)
+    except ChangedShapeError:
+        with suppress(InputError):
+            if contacts is not None:
+                return contacts()
+        raise
+
+
 def pair_loop(problem: Problem, pose: Array) -> Loop:
     """Return the rows of the contacts of two bodies as drawn, at a pose of the movable one."""
     gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), [size.name for size in problem.sizes], own=True)
-    touching = gaps.touching([pose])
-    claims = gaps.claims([pose])
+    touching, claims = gaps.touching(gaps.rows([pose]), pose), gaps.claims([pose])
     if len(claims) == 1:
         return Loop(touching, claims[0], gaps.exact)
     every = None if claims[0].permanent_faces is None else frozenset[tuple[int, int]]()
@@ -102,23 +121,15 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
             raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
         pair = named[0]
     chosen = asked.index(pair) if pair in asked else -1
-    motions, values = opened(chosen)
+    motions = opened(chosen)[0]
     relation = relations[pair]
     claim = _claim(gaps, relation, motions, assembly.sizes)
-    touching = None
-    if not (chosen >= 0 and by_contacts(relation, named=False)):
-        try:
-            touching = touching_true_faces(*claim.bodies, claim.sizes, transform=claim.transform, carried=claim.shift,
-                                           permanent=False)  # fmt: skip
-        except ChangedShapeError:
-            if chosen < 0:
-                raise
-    if touching is None:
-        touching = gaps.touching([claim.transform] * len(asked), chosen)
-        first = np.cumsum([0, *(len(own.values) for own in touching.pairs)]).tolist()
-        pairs = [own._replace(values=values[a:b]) for own, a, b in zip(touching.pairs, first, first[1:], strict=False)]
-        touching = replace(touching, sizes=claim.sizes, pairs=tuple(pairs))
-    else:  # of walls as of contacts
+    drawn = AffineGaps(base.values + slopes @ motions, base.normals)
+    contacts = partial(gaps.touching, drawn, claim.transform, chosen) if chosen >= 0 else None
+    touching = replace(
+        of_all_faces(relation, claim.sizes, contacts, transform=claim.transform, carried=claim.shift), sizes=claim.sizes
+    )
+    if not touching.as_drawn:
         is_exact = any(body.exact is not None for body in touching.bodies)
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
