@@ -81,6 +81,7 @@ class TouchingSizes:
         0.0  # by how much gaps of true faces may be less, as between two directions of `TrueSizes.all_around`
     )
     as_drawn: bool = False  # whether rows are those of contacts as drawn, whatever the box: they are not found anew
+    carried: Array | None = None  # (k, 3): how each size moves the movable body besides
 
     @classmethod
     def of(
@@ -172,7 +173,7 @@ class TouchingSizes:
             region = partial(region_between, movable, static, T)
             uniform = np.array(shares)
             kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
-        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held))
+        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held), carried=carried)
 
     @property
     def box(self) -> Array:

@@ -91,7 +91,8 @@ def widened(touching: TouchingSizes, sizes: Sequence[Size], *, least: bool = Tru
     if touching.as_drawn:
         return replace(touching, sizes=tuple(sizes))
     one, two = touching.bodies
-    return touching_true_faces(one, two, sizes, transform=touching.transform, least=least, permanent=False)
+    how = {"carried": touching.carried, "least": least, "permanent": False}
+    return touching_true_faces(one, two, sizes, transform=touching.transform, **how)
 
 
 def made_at(

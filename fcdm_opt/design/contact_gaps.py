@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import product
 from operator import itemgetter
 from types import MappingProxyType
@@ -262,37 +262,27 @@ class ContactGaps:
             found.append(replace(claim, least=least, largest=largest, told=gaps.gaps, contact=contact, name=name))
         return found
 
-    @cached_property
-    def of_solids(self) -> list[Problem]:
-        """The relations of solids with flat faces, whose overlap anywhere is told by their convex parts."""
-        flat = (own for own in self.relations if self._pairs_met(own) is None)
-        return [own for own in flat if not any(body.is_surface for body in (own.movable, own.static))]
-
-    def whole_claims(self, claims: Sequence[GapClaims]) -> list[GapClaims]:
-        """Return that the bodies of contacts, whose claims are given, overlap nowhere deeper than these."""
-        found = list[GapClaims]()
-        for relation, columns in zip(self.relations, self.columns, strict=True):
-            mine = [own for (k, _), own in zip(self.contacts, claims, strict=True) if self.relations[k] is relation]
-            if mine and any(own is relation for own in self.of_solids):
-                least = min(0.0, *(own.least[0] for own in mine if own.least))
-                whole = self.claim(relation, columns, mine[0].transform)
-                found.append(replace(whole, keep_out=[(whole.bodies[1], least)]))
-        return found
+    def whole_parts(self) -> Iterator[tuple[int, Problem, list[int]]]:
+        """Yield each relation of solids that touch at flat faces alone, whose convex parts tell overlap anywhere."""
+        for k, (relation, columns) in enumerate(zip(self.relations, self.columns, strict=True)):
+            flat = any(own.relation == k for own in self.lines) and self._pairs_met(relation) is None
+            if flat and not any(body.is_surface for body in (relation.movable, relation.static)):
+                yield k, relation, columns
 
     def _parts(self, own: _Line) -> tuple[int, int]:
         """Return the part pair of a row, by number in the whole bodies."""
         task, (i, j) = self.tasks[own.relation], own.line.parts
         return _whole(task.movable, i), _whole(task.static, j)
 
-    def touching(self, transforms: Sequence[Array], relation: int = 0) -> TouchingSizes:
-        """Return the rows of one relation's contacts as those of a stack-up."""
-        rows, pairs, task = self.rows(transforms), [], self.tasks[relation]
+    def touching(self, rows: AffineGaps, transform: Array, relation: int = 0) -> TouchingSizes:
+        """Return the rows of one relation's contacts, at the pose of its body 1, as those of a stack-up."""
+        pairs, task = [], self.tasks[relation]
         for (k, feature), own in self.contacts.items():
             if k == relation:
                 parts = self.lines[own[0]].line.parts
                 pairs.append(PairRows(parts, rows.values[own], rows.normals[own], [], [feature] * len(own)))
         bodies, sizes = (task.movable, task.static), self.relations[relation].sizes
-        return TouchingSizes(bodies, sizes, transforms[relation], tuple(pairs), (np.inf, ""), as_drawn=True)
+        return TouchingSizes(bodies, sizes, transform, tuple(pairs), (np.inf, ""), as_drawn=True)
 
 
 def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:

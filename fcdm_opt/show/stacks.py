@@ -388,7 +388,7 @@ def slice_figure(stack: StackUp, names: Sequence[str], *, title: str = "") -> Fi
     sides = [np.linspace(low, high, FINE) for low, high in zip(*ends, strict=True)]
     p = np.zeros((FINE, FINE, len(stack.names)))
     p[..., places[0]], p[..., places[1]] = np.meshgrid(*sides)
-    seen = list(stack.sizes)  # the rows are complete within their box alone
+    seen = list(stack.touching.sizes)  # the rows are complete within their box alone
     for own, low, high in zip(places, *(end.tolist() for end in ends), strict=True):
         seen[own] = replace(seen[own], tolerance=(low, high))
     gap = widened(stack.touching, seen, least=False).gap(p)

@@ -258,3 +258,60 @@ def test_gaps_of_a_roller_in_an_assembly_are_those_of_its_cylinder() -> None:
     best = fo.best_pose(asked)
     assert best.value == pytest.approx(0.1, abs=1e-9)
     assert fo.verify(best).passed
+
+
+def between_posts(*, width=(), motion=X) -> fo.Assembly:
+    """A block that lies at the left post of its base, and .1 off the right one."""
+    walls = [((-5, -5, -2), (16, 5, 0)), ((-5, -5, 0), (0, 5, 6)), ((10.1, -5, 0), (16, 5, 6))]
+    base = fo.Body.from_parts([box(*ends, "").vertices for ends in walls], name="base")
+    sizes = [
+        fo.Size("width", "block", faces="+x", tolerance=0.1), *width,
+        fo.Size("slot", "base", faces={"through": (10.1, 0, 3)}, each=-1.0, tolerance=0.1),
+    ]  # fmt: skip
+    block = box((0, -5, 0), (10, 5, 4), "block")
+    return fo.Assembly({"base": base, "block": block}, [("block", "base")], sizes, {"block": motion})
+
+
+def test_a_wall_that_is_no_contact_as_drawn_was_left_out_of_the_gap_of_its_parts() -> None:
+    """Slot less width is .1 and .2 more or less; what the left side of the block grows by, it is in the left post."""
+    stack = fo.stack_up(between_posts())
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.1, 0.3), **NEAR)
+    assert stack.gap({"width": 0.02, "slot": -0.03}) == pytest.approx(0.1 - 0.02 - 0.03, **NEAR)
+    assert fo.verify(stack).passed
+    assert fo.verify(stack.yield_(2_000)).passed
+    stack = fo.stack_up(between_posts(width=[fo.Size("left", "block", faces="-x", tolerance=0.05)]))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.1, 0.05), **NEAR)
+    assert fo.verify(stack).passed
+    assert stack.gap({"width": 0.4}) == pytest.approx(-0.3, **NEAR)  # beyond the tolerances
+
+
+def test_a_part_carried_by_another_has_the_walls_of_that_one() -> None:
+    """A pallet in a frame that stands on a floor whose height lifts both: a bar of the frame is .1 above the pallet."""
+    walls = [((-5, -5, 0), (15, 5, 1)), ((-5, -5, 5.1), (15, 5, 7))]
+    frame = fo.Body.from_parts([box(*ends, "").vertices for ends in walls], name="frame")
+    parts = {"floor": box((-9, -9, -1), (20, 9, 0), "floor"), "frame": frame, "pallet": box((0, -5, 1), (9, 5, 5), "")}
+    sizes = [
+        fo.Size("floor", "floor", faces="+z", tolerance=0.5),
+        fo.Size("tall", "pallet", faces="+z", tolerance=(-0.02, 0.15)),
+        fo.Size("bar", "frame", faces={"through": (0, 0, 5.1)}, each=-1.0, tolerance=(-0.07, 0.01)),
+    ]
+    contacts = [("frame", "floor"), ("pallet", "frame")]
+    stack = fo.stack_up(fo.Assembly(parts, contacts, sizes, {"frame": X >> Z, "pallet": Z}), of=("pallet", "frame"))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.1 - 0.15 - 0.07, 0.13), **NEAR)
+    assert stack.gap({"floor": 2.0, "tall": 0.3}) == pytest.approx(-0.2, **NEAR)
+    assert fo.verify(stack).passed
+
+
+@pytest.mark.sampled(2)
+def test_a_wall_beside_a_contact_was_gone_through_by_poses_without_a_window() -> None:
+    """Right of the block .1 is left, less .2 at worst: half of what it lacks is in either post.
+
+    With a left side that may grow by .05 as well it lacks .15, of which .075 are in either.
+    """
+    for width, shift in (((), -0.05), ([fo.Size("left", "block", faces="-x", tolerance=0.05)], -0.025)):
+        for window in (None, (0.0, np.inf)):
+            pose = fo.best_pose(between_posts(width=width), clearance=window)
+            off = -shift if not width else 0.075
+            assert pose.parameters == pytest.approx({"block.TX": shift}, **NEAR)
+            assert (pose.worst_gap, pose.least.gap) == pytest.approx((off, -off), **NEAR)
+            assert pose.passed

@@ -729,10 +729,15 @@ def test_a_pose_went_through_walls_that_are_no_contacts_of_its_parts() -> None:
     assert all(check.passed for check in pose.checks)
 
 
-def test_a_pose_whose_parts_overlap_beyond_its_contacts_was_verified() -> None:
+def test_a_pose_whose_parts_overlap_beyond_its_contacts_was_told_and_refused() -> None:
+    """At rest its contact with the floor is closed, and .1 are in the right post: .1 to the left is free of both."""
     pose = fo.best_pose(_posts(), clearance="middle")
     assert pose.worst_gap == pytest.approx(0.0, abs=1e-9)
-    failed = {check.name: check.value for check in pose.checks if not check.passed}
+    assert pose.parameters == pytest.approx({"pallet.TX": -0.1, "pallet.TZ": 0.0}, abs=1e-9)
+    assert pose.passed
+    drawn = {"pallet.TX": 0.0, "pallet.TZ": 0.0}
+    forged = replace(pose, parameters=drawn, amount=0.0, transforms=_posts().poses({"pallet": np.zeros(2)}))
+    failed = {check.name: check.value for check in fo.verify(forged).failed}
     assert failed == pytest.approx({"clear of 'base'": 0.1}, abs=1e-9)
 
 

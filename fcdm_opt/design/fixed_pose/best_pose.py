@@ -165,7 +165,7 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         others = [Check(name, bool(off <= slack), float(off), slack, "as told") for name, off in errors.items()]
         if by_contacts(problem):
             worst = WorstContacts.asked(problem, self.sizes, self.least.names, low, high)
-            return replace(worst.claims(q, failed=failed), others=others)
+            return replace(worst.claims(q, ends[0], failed=failed), others=others)
         assert isinstance(problem, Problem)
         assert self.transform is not None
         by_names = self.least.names != SCALES
@@ -317,8 +317,12 @@ def best_pose(
         asked, names = all_sizes(problem, sizes, box)
         fitted = getattr(problem, "goal", "") == FIT and clearance is None
         ends = (WIDE * problem.size, np.inf) if fitted else (low, high)
-        worst: Worst = WorstContacts.asked(problem, asked, names, *ends)
-        best = _best(worst, accuracy, most, fitted=fitted, windowed=clearance is not None)
+        how = {"fitted": fitted, "windowed": clearance is not None}
+        worst = WorstContacts.asked(problem, asked, names, *ends)
+        best = _best(worst, accuracy, most, **how)
+        walls = worst.with_walls(best.found.q)
+        if walls.nearest_wall(best.found.q, best.found.off.rows):  # looked at where they are nearer alone
+            best = _best(walls, accuracy, most, **how)
     else:
         assert isinstance(problem, Problem)
         scales = None if own else worst_sizes(problem, sizes, box)
@@ -453,8 +457,10 @@ def _on_true_faces(
 
 def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, float], *, own: bool) -> BestPose:
     worst, best, search = found.worst, found.found, found.search
-    ends = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
-    least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in ends)
+    least, most = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
+    if isinstance(worst, WorstContacts) and (nearest := worst.nearest_wall(best.q, best.off.rows)):
+        least = replace(EndOfRange.of(*nearest[:3]), rho=least.rho, names=least.names)
+    least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in (least, most))
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     told, gaps = transforms_of(problem, best.q), worst.scene
     value = found.value if abs(found.value) > DEFAULT.weld * problem.size else 0.0

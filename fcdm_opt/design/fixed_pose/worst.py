@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -10,10 +11,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.true_sizes import TrueSizes
-from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
+from fcdm_opt.design.contact_gaps import ContactGaps, Extreme, Extremes, columns_of, relations_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, BodyGaps, GapRows, OwnSizes, Scales
 from fcdm_opt.design.sizes import SCALES, Sizes
-from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.geometry.solids import contains
@@ -130,7 +132,7 @@ class Worst:
         """Return how far the worst gap is off at parameters q, over all sizes; the `whole` range only if asked for."""
         rows = self.rows(q)
         window = () if whole or not isinstance(self.scene, Scales) else ((self.low, self.high),)
-        found = self.scene.extremes(rows, *window)
+        found = self.extremes(q, rows, *window)
         for rho in (found.least.rho, found.most.rho):
             if not (self.active == rho).all(axis=1).any():
                 fixed = 4 if isinstance(self.scene, Scales) and self.scene.sizes.pairs is None else 0
@@ -143,6 +145,10 @@ class Worst:
         first, then = (off, overlap) if self.kept_first else (overlap, off)
         clear = first <= self.problem.contact_slack
         return Off(then if clear else FAR * self.scene.size + first, found, rows, max(off, overlap), clear)
+
+    def extremes(self, q: Array, rows: Any, *window: tuple[float, float]) -> Extremes:
+        """Return the least and the largest gap over all sizes at parameters q, whose rows are given."""
+        return self.scene.extremes(rows, *window)
 
     def missed(self, found: Extremes) -> float:
         """Return how far extremes of the gap are off the window."""
@@ -220,24 +226,53 @@ class WorstContacts(Worst):
     problem: Any
     scene: Any
     columns: tuple[list[int], ...] = ()
+    # of whole parts that have a contact, and their sizes: no gap of any of their faces is less than the least
+    walls: tuple[tuple[Worst, list[int]], ...] = ()
 
     @classmethod
     def asked(cls, question: Scene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
-        gaps = ContactGaps(question, sizes, names, own=own)
-        # in a window no part of bodies that have a contact may be nearer than its least gap
-        windowed = (low, high) != (0.0, 0.0) and -np.inf < low < WIDE * question.size
-        whole = gaps.of_solids if windowed else ()
-        kept = [*_kept_clear(question, sizes, names, own=own, whole=whole, least=low)]
+        gaps, kept = ContactGaps(question, sizes, names, own=own), [*_kept_clear(question, sizes, names, own=own)]
         columns = tuple(whose for _, whose in kept)
         return cls(question, gaps, low, high, keep_out=tuple(worst for worst, _ in kept), columns=columns)
 
-    def claims(self, q: Array, *, failed: bool) -> GapClaims:
-        """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed."""
-        gaps = self.scene
-        first, *others = gaps.claims(gaps.transforms(q))
-        others += gaps.whole_claims([first, *others])
+    def with_walls(self, q: Array) -> WorstContacts:
+        """Return it with all faces of parts that have a contact, which may be nearer at parameters q than these."""
+        walls, gaps = list[tuple[Worst, list[int]]](), self.scene
+        for _, relation, columns in gaps.whole_parts():
+            wall = Worst(relation, _between(relation, gaps.sizes, columns, own=gaps.own), self.low, np.inf)
+            with suppress(InputError):  # sizes turn faces, or make another shape of a part
+                wall.off(q)
+                walls.append((wall, columns))
+        return replace(self, walls=tuple(walls))
+
+    def nearest_wall(self, q: Array, rows: Any) -> tuple[BodyGaps, GapRows, Extreme, list[int]] | None:
+        """Return the parts whose least gap at parameters q, rows and sizes, is below that of contacts, if one is."""
+        each = [(wall.scene, off.rows, off.extremes.least, own) for wall, own in self.walls for off in (wall.off(q),)]
+        nearest = min(each, key=lambda own: own[2].gap, default=None)
+        least = self.scene.extremes(rows).least.gap - DEFAULT.tie * self.scene.size
+        return nearest if nearest is not None and nearest[2].gap < least else None
+
+    def extremes(self, q: Array, rows: Any, *window: tuple[float, float]) -> Extremes:
+        """Return them: the least of all faces where walls are looked at, the largest of contacts."""
+        found, nearest = super().extremes(q, rows, *window), self.nearest_wall(q, rows)
+        if nearest is None:
+            return found
+        place = np.clip(0.0 if self.scene.own else 1.0, *self.scene.sizes.box.T)
+        place[nearest[3]] = nearest[2].rho[: len(nearest[3])]
+        return found._replace(least=nearest[2]._replace(rho=frozen(place)))
+
+    def claims(self, q: Array, least: float, *, failed: bool) -> GapClaims:
+        """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed.
+
+        And that parts which have a contact overlap nowhere deeper than the `least` gap told.
+        """
+        gaps, poses = self.scene, self.scene.transforms(q)
+        first, *others = gaps.claims(poses)
+        for k, relation, columns in gaps.whole_parts():
+            claim = gaps.claim(relation, columns, poses[k])
+            others.append(replace(claim, keep_out=[(claim.bodies[1], min(least, 0.0))]))
         for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
             claim = gaps.claim(kept.problem, columns, kept.transform(q))
             others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
@@ -250,7 +285,8 @@ class WorstContacts(Worst):
         if not self.problem.shifts:
             return None
         rest = np.zeros(len(self.limits))
-        values, slopes, kept = self.linear(rest)  # without what is kept clear of no pose is worse
+        # without walls, and what is kept clear of, no pose is worse
+        values, slopes, kept = replace(self, walls=()).linear(rest)
         values, slopes = values[~kept], slopes[~kept]
         if amounts:
             q = least_motion(values - slack, slopes, rest, self.weights, self.limits)
@@ -261,8 +297,8 @@ class WorstContacts(Worst):
 
     @cached_property
     def is_program(self) -> bool:  # type: ignore[override]
-        """Whether the motions only shift."""
-        return self.problem.shifts
+        """Whether the motions only shift, and contacts alone are looked at."""
+        return self.problem.shifts and not self.walls
 
     @cached_property
     def natural(self) -> Array:
@@ -278,12 +314,10 @@ class WorstContacts(Worst):
         """Return the functions of the contacts' least and largest gaps, and of what is kept clear of."""
         step = 1.0 if self.problem.shifts else DIFFERENCE
         ends, slopes = self.differences(lambda at: np.array(self.scene.ends(self.rows(at))), q, step)
-        return self._with_keep_outs(
-            q, np.append(self.low - ends[0], ends[1] - self.high), np.concatenate([-slopes[0], slopes[1]])
-        )
-
-    def _remember(self, found: Extremes) -> None:
-        """Its rows tell all sizes."""
+        values, rates = np.append(self.low - ends[0], ends[1] - self.high), np.concatenate([-slopes[0], slopes[1]])
+        walls = [replace(own, low=self.low).linear(q)[:2] for own, _ in self.walls]
+        values, rates = (np.concatenate(own) for own in zip((values, rates), *walls, strict=True))
+        return self._with_keep_outs(q, values, rates)
 
 
 def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: Array) -> Array | None:
@@ -297,34 +331,39 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
 
 
 def _kept_clear(
-    question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None,
-    whole: Sequence[Problem] = (), least: float = 0.0,
-) -> Iterator[tuple[Worst, list[int]]]:  # fmt: skip
-    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes.
-
-    So are the bodies of `whole` questions, which have contacts, by the `least` gap.
-    """
-    partners = {id(relation): least for relation in whole}
-    asked = [(pair, relation, False) for pair, relation in relations_of(question).items() if relation.keep_out]
-    if isinstance(question, Assembly):
-        every = question.questions  # the two parts of a contact may be asked about keep-outs the other way round
-        clear = {own: it for own, it in every.items() if it.goal == "clear" and own[::-1] not in every}
-        partners |= {id(relation): relation.clearance for relation in clear.values()}
-        asked += [(pair, relation, True) for pair, relation in clear.items()]
-    asked += [(pair, own, True) for pair, own in relations_of(question).items() if any(own is one for one in whole)]
-    for pair, relation, partner in asked:
+    question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
+) -> Iterator[tuple[Worst, list[int]]]:
+    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
+    every = relations_of(question)
+    for pair, relation in every.items():
         whose = columns_of(pair, relation, names, own=own)
-        drawn = relation.request if own else vars(relation)
-        one, two = drawn["movable"], drawn["static"]
-        others = [(two, partners[id(relation)], two if two.is_surface else None)] if partner else obstacles(relation)
-        mine = tuple(size for size in relation.sizes if own and (partner or size.body == "movable"))
-        box, listed = np.ones((2, 2)) if own else sizes.box[whose], None if own else sizes.pairs
-        if not partner:  # whose own scales its obstacles have
-            box = np.vstack([box[0], np.ones(2)])
-            listed = None if listed is None else np.column_stack([listed[:, 0], np.ones(len(listed))])
-        for body, gap, solid in others:
-            both = OwnSizes(one, body, mine, places) if mine else Scales(one, body, Sizes(box, pairs=listed))
+        for body, gap, solid in obstacles(relation):
+            both = _between(relation, sizes, whose, own=own, body=body, places=places)
             yield Worst(relation, both, gap, np.inf, solid=solid), whose
+    # the two parts of a contact may be asked about keep-outs the other way round
+    clear = (pair for pair, it in every.items() if it.goal == "clear" and pair[::-1] not in every)
+    for pair in clear if isinstance(question, Assembly) else ():
+        relation, whose = every[pair], columns_of(pair, every[pair], names, own=own)
+        both = _between(relation, sizes, whose, own=own)
+        solid = both.static if both.static.is_surface else None
+        yield Worst(relation, both, relation.clearance, np.inf, solid=solid), whose
+
+
+def _between(
+    relation: Problem, sizes: Sizes, whose: list[int], *, own: bool, body: Body | None = None,
+    places: Array | None = None,
+) -> BodyGaps:  # fmt: skip
+    """Return the gap of two parts over all their sizes, or of the movable one and a `body` whose scales it has."""
+    drawn = relation.request if own else vars(relation)
+    one, two = drawn["movable"], drawn["static"] if body is None else body
+    mine = tuple(size for size in relation.sizes if own and (body is None or size.body == "movable"))
+    if mine:
+        return OwnSizes(one, two, mine, places)
+    box, listed = (np.ones((2, 2)), None) if own else (sizes.box[whose], sizes.pairs)
+    if body is not None:
+        box = np.vstack([box[0], np.ones(2)])
+        listed = None if listed is None else np.column_stack([listed[:, 0], np.ones(len(listed))])
+    return Scales(one, two, Sizes(box, pairs=listed))
 
 
 def obstacles(problem: Problem) -> list[tuple[Body, float, Body | None]]:

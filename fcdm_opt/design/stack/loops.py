@@ -6,15 +6,17 @@ contacts but the one that is asked about stay closed, c + S p + D q = 0, by the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import TouchingSizes, check_sizes
+from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes, check_sizes
 from fcdm_opt.curve.true_sizes import touching_true_faces
-from fcdm_opt.design.contact_gaps import ContactGaps, relations_of
+from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
@@ -40,17 +42,35 @@ class Loop:
     exact: bool
     closed: tuple[GapClaims, ...] = ()
     weighted: tuple[str, ...] = ()
+    sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
         return replace(self.pair, least=least, largest=largest, told=told, beside=self.closed)
 
 
+def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[], Any] | None, **how: Any) -> Any:
+    """Return the rows of the gap of two bodies, of walls as of contacts; else, where these are not known, `contacts`.
+
+    They are not known of bodies kept as surfaces, of sizes that turn faces, and where other corners meet at some sizes.
+    """
+    check_sizes(sizes)
+    if contacts is not None and by_contacts(problem, named=False):
+        return contacts()
+    drawn = problem.request["movable"], problem.request["static"]
+    try:
+        return touching_true_faces(*drawn, sizes, permanent=False, **how)
+    except ChangedShapeError:
+        with suppress(InputError):
+            if contacts is not None:
+                return contacts()
+        raise
+
+
 def pair_loop(problem: Problem, pose: Array) -> Loop:
     """Return the rows of the contacts of two bodies as drawn, at a pose of the movable one."""
     gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), [size.name for size in problem.sizes], own=True)
-    touching = gaps.touching([pose])
-    claims = gaps.claims([pose])
+    touching, claims = gaps.touching(gaps.rows([pose]), pose), gaps.claims([pose])
     if len(claims) == 1:
         return Loop(touching, claims[0], gaps.exact)
     every = None if claims[0].permanent_faces is None else frozenset[tuple[int, int]]()
@@ -61,8 +81,9 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
     The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
-    names, by default those of the only contact that sizes open. Raises `InputError` where motions turn, where contacts
-    cannot all be closed within the tolerances, and for parts that are none.
+    names, by default those of the only contact that sizes open, and of all their faces; of contacts as drawn alone
+    where `stack_up` looks at these. Raises `InputError` where motions turn, where contacts cannot all be closed within
+    the tolerances, and for parts that are none.
     """
     check_sizes(assembly.sizes)
     if not assembly.shifts:
@@ -87,42 +108,39 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
 
     if of is None:
         found = [k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie]
-        if len(found) != 1:
+        if len(found or asked) != 1:
             opening = ", ".join(" - ".join(asked[k]) for k in found) or "none that closes"
             what = f"which gap is meant is to be said, while all other contacts stay closed; sizes open {opening}"
             known, one = " or ".join(" - ".join(own) for own in relations), asked[found[0]] if found else asked[0]
             raise InputError(what, key="of", allowed=f"two parts of {known}, as --of {','.join(one)}")
-        pair = asked[found[0]]
+        pair = asked[found[0] if found else 0]
     else:
         named = [own for own in relations if sorted(own) == sorted(map(str, arguments.items(of)))]
         if not named:
             allowed = " or ".join(" - ".join(own) for own in relations)
             raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
         pair = named[0]
-    motions, values = opened(asked.index(pair) if pair in asked else -1)
+    chosen = asked.index(pair) if pair in asked else -1
+    motions = opened(chosen)[0]
     relation = relations[pair]
     claim = _claim(gaps, relation, motions, assembly.sizes)
-    pose, moved = claim.transform, np.asarray(claim.shift)
-    if pair in asked:
-        touching = gaps.touching([pose] * len(asked), asked.index(pair))
-        first = np.cumsum([0, *(len(own.values) for own in touching.pairs)]).tolist()
-        pairs = [own._replace(values=values[a:b]) for own, a, b in zip(touching.pairs, first, first[1:], strict=False)]
-        touching = replace(touching, pairs=tuple(pairs))
-    else:
-        drawn = relation.request["movable"], relation.request["static"]
-        touching = touching_true_faces(*drawn, claim.sizes, transform=pose, carried=moved, permanent=False)
-        if any(body.exact is not None for body in touching.bodies):
-            claim = replace(claim, permanent_faces=touching.permanent_faces)
-    rows = replace(touching, sizes=assembly.sizes, as_drawn=True)
-    others = (k for k, other in enumerate(asked) if other != pair)
-    still = tuple(own for k in others for own in _claims(gaps, k, motions, assembly.sizes))
+    drawn = AffineGaps(base.values + slopes @ motions, base.normals)
+    contacts = partial(gaps.touching, drawn, claim.transform, chosen) if chosen >= 0 else None
+    touching = replace(
+        of_all_faces(relation, claim.sizes, contacts, transform=claim.transform, carried=claim.shift), sizes=claim.sizes
+    )
+    if not touching.as_drawn:
+        is_exact = any(body.exact is not None for body in touching.bodies)
+        claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
+                        permanent=[own.parts for own in touching.permanent])  # fmt: skip
+    still = tuple(own for k in range(len(asked)) if k != chosen for own in _claims(gaps, k, motions, assembly.sizes))
     times = np.arange(1.0, len(rest) + 1.0, dtype=np.float64)  # any weights but the ones asked for
-    off = opened(asked.index(pair) if pair in asked else -1, times)[0] - motions
+    off = opened(chosen, times)[0] - motions
     along = relation.motion.ways(relation.movable.seed, relation.static.seed)
     gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(rows, claim, gaps.exact and pair in asked, still, weighted)
+    return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes)
 
 
 def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import ChangedShapeError, PairRows, TouchingSizes
-from fcdm_opt.curve.true_sizes import touching_true_faces, widened
-from fcdm_opt.design.contact_gaps import by_contacts
+from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
+from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
-from fcdm_opt.design.stack.loops import Loop, assembly_loop, pair_loop
+from fcdm_opt.design.stack.loops import Loop, assembly_loop, of_all_faces, pair_loop
 from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
@@ -176,7 +175,7 @@ class StackUp:
     @property
     def sizes(self) -> tuple[Size, ...]:
         """The sizes, in order."""
-        return self.touching.sizes
+        return (self.loop.sizes if self.loop is not None else ()) or self.touching.sizes
 
     @property
     def names(self) -> list[str]:
@@ -278,7 +277,7 @@ class StackUp:
         each, (low, high) = values.reshape(-1, len(self.names)), self.touching.box.T
         if not ((each >= low) & (each <= high)).all():
             ends = np.minimum(each.min(axis=0), low).tolist(), np.maximum(each.max(axis=0), high).tolist()
-            wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.sizes, *ends, strict=True)]
+            wider = [replace(own, tolerance=(a, b)) for own, a, b in zip(self.touching.sizes, *ends, strict=True)]
             return widened(self.touching, wider, least=False).gap(values)
         return self.touching.gap(values)
 
@@ -516,16 +515,10 @@ def stack_up(
         loop = assembly_loop(problem, of)
     elif of is not None:
         raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
-    elif problem.sizes and by_contacts(problem, named=False):
-        loop = pair_loop(problem, rigid_transform(pose))
     else:
-        drawn = problem.request["movable"], problem.request["static"]
-        try:
-            touching = touching_true_faces(*drawn, problem.sizes, transform=pose, permanent=False)
-            return StackUp(touching, between, problem.unit, None, keep_out)
-        except ChangedShapeError as refused:
-            try:
-                loop = pair_loop(problem, rigid_transform(pose))
-            except InputError:
-                raise refused from None
+        at = rigid_transform(pose)
+        found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
+        if isinstance(found, TouchingSizes):
+            return StackUp(found, between, problem.unit, None, keep_out)
+        loop = found
     return StackUp(loop.touching, between, problem.unit, loop, keep_out)

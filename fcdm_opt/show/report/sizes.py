@@ -83,7 +83,7 @@ def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any
     contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
     numbered = enumerate(contacts, 1)
     each = [stack_report(assembly, of=(own.one, own.two), name=f"{name}-{k}") or {} for k, own in numbered]
-    opened = [own for own in each if any(share["worst"] for share in own.get("shares", ()))]
+    opened = [own for own in each if any(share["worst"] for share in own.get("shares", ())) and not own["is_closed"]]
     return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly, name=name)])]
 
 
@@ -124,6 +124,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
     return {
         "unit": scene.unit,
         "of": " and ".join(of or ()),
+        "is_closed": bool(found.standing) and gaps[0] > 0.0,  # at all sizes; all that they move stays apart
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
             {"what": what, "gap": gap, "at": [[name, x] for name, x in at.items() if x]}
