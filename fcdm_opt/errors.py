@@ -48,14 +48,23 @@ class InputError(FcdmError, ValueError):
         What was found there.
     allowed : str, optional
         What would be accepted.
+    line : int, optional
+        The line of the file, from 1; of a TOML file without it that of the key.
     """
 
     def __init__(
-        self, what: str, *, file: str | Path | None = None, key: str | None = None, found: Any = None, allowed: str = ""
+        self,
+        what: str,
+        *,
+        file: str | Path | None = None,
+        key: str | None = None,
+        found: Any = None,
+        allowed: str = "",
+        line: int | None = None,
     ) -> None:
-        self.what, self.file, self.key, self.found, self.allowed = what, file, key, found, allowed
-        line = _line(file, key)
-        named = f"{file}:{line}" if line else file
+        self.what, self.file, self.key, self.found, self.allowed, self.line = what, file, key, found, allowed, line
+        line = line or _line(file, key)
+        named = f"{file}:{line}" if line and file else file
         place = ": ".join(str(part) for part in (named, key) if part is not None)
         text = _shortened(f"{place}: {what}" if place else what)
         if found is not None:
@@ -69,7 +78,8 @@ class InputError(FcdmError, ValueError):
         """Return the same error, placed in a file or below a key of an enclosing structure."""
         option = (self.key or "").startswith("--")  # of the command line: no key of the file
         joined = (": " if option else ".").join(part for part in (key, self.key) if part) or None
-        return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
+        place: dict[str, Any] = {"file": self.file or file, "key": joined, "line": self.line}
+        return InputError(self.what, found=self.found, allowed=self.allowed, **place)
 
 
 @contextmanager

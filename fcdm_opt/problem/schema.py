@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
@@ -33,7 +32,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 from fcdm_opt.errors import InputError, checked_path, closest, similar_name
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.arguments import LARGEST
-from fcdm_opt.problem.syntax import mistake, parsed
+from fcdm_opt.problem.syntax import parsed
 
 Read = TypeVar("Read", bound="Entry")
 LARGEST_FILE = 2**26  # bytes: more than any file that is written as text; a device has no end
@@ -229,12 +228,10 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
             raise InputError("the file is too large", file=file, allowed=allowed)
         text = content.decode("utf-8-sig")  # some editors begin a file with a mark
         data = parsed(text)
-    except tomllib.TOMLDecodeError as reason:
-        raise InputError(f"not valid TOML: {mistake(text, reason)}", file=file) from reason
     except UnicodeDecodeError as reason:
         raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
-    except InputError:
-        raise
+    except InputError as reason:
+        raise reason.within(file=file) from reason
     except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
         raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
     except OSError as reason:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -15,7 +14,7 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.problem.problem import SIGNS, load_problems
-from fcdm_opt.problem.syntax import mistake
+from fcdm_opt.problem.syntax import parsed
 
 FILE = """
 [bodies.movable]
@@ -103,48 +102,61 @@ def test_a_wrong_default_is_told_in_the_defaults_and_for_which_case(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "line", "said"),
     [
-        ("[a]\ngoal = 1\n# x\ngoal = 2\n", "goal is given twice: line 4, and before in line 2"),
+        ("[a]\ngoal = 1\n# x\ngoal = 2\n", 4, "goal is given twice, before in line 2"),
         (
             "goal = 1\n[a]\n[b]\nx = 1\ny.z = [\n  1,\n]\nx = [\n  { x = 2 },\n]\n",
-            "x is given twice: line 8, and before in line 4",
+            8,
+            "x is given twice, before in line 4",
         ),
-        ("goal = 1\r\ngoal = 2", "goal is given twice: line 2, and before in line 1"),
-        ('"a b" = 1\n"a b" = 2\n', '"a b" is given twice: line 2'),
-        ("t = 0,02\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 1"),
-        ("\nt = [0,02, 0,01]  # 1,5\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 2"),
-        ("t = { a = -0,5 }\n", "-0,5 is written -0.5, with a decimal point"),
+        ("goal = 1\r\ngoal = 2", 2, "goal is given twice, before in line 1"),
+        ('"a b" = 1\n"a b" = 2\n', 2, '"a b" is given twice, before in line 1'),
+        ("[a.b]\n[b]\n[a.b]\n", 3, "[a.b] is given twice"),
+        ("t = 0,02\n", 1, "0,02 is written 0.02, with a decimal point, not a comma"),
+        ("\nt = [0,02, 0,01]  # 1,5\n", 2, "0,02 is written 0.02, with a decimal point, not a comma"),
+        ("t = { a = -0,5 }\n", 1, "-0,5 is written -0.5, with a decimal point, not a comma"),
     ],
 )
-def test_what_no_toml_is_was_said_in_the_words_of_its_reader(text: str, said: str) -> None:
-    with pytest.raises(tomllib.TOMLDecodeError) as caught:
-        tomllib.loads(text)
-    assert mistake(text, caught.value).startswith(said)
+def test_what_no_toml_is_was_said_in_the_words_of_its_reader(text: str, line: int, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parsed(text)
+    assert caught.value.line == line
+    assert str(caught.value).startswith(f"not valid TOML: {said}; found ")
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "line", "found", "allowed"),
     [
-        "goal = touch\n",  # no quotes
-        'goal = "touch\n',
-        "t = [1,2\n",
-        "t = [1,2]]\n",
-        "t = 1 # 0,5\nu = = 0\n",
-        "[a]\n[b]\n[a]\n",
-        't = "0,02" x\n',
-        "a = { b = 1, b = 2 }\n",
-        "a = 1\na.b = 2\n",
-        "",
+        ("\ngoal = touch\n", 2, "goal = touch", '"text" in quotes, a number'),
+        ('goal = "touch\nx = 1', 1, 'goal = "touch', "a quote at the end"),
+        ("goal = 'touch", 1, "goal = 'touch", "a quote at the end"),
+        ("t = [1,2\n\n\n", 1, "t = [1,2", "] after the last"),
+        ("t = [1,2]]\n", 1, "t = [1,2]]", "one KEY = VALUE a line"),
+        ("t = [[0, 0], [1, 0]\n[bodies.static]\n", 2, "[bodies.static]", "a comma between two items"),
+        ("t = 1 # 0,5\nu = = 0\n", 2, "u = = 0", "a number as 0.5"),
+        ('t = "0,02" x\n', 1, 't = "0,02" x', "a # before what is none"),
+        ("peg width = 1", 1, "peg width = 1", "a key of several words in quotes"),
+        ("a = { b = 1,\n c = 2 }\n", 1, "a = { b = 1,", "no comma after the last one"),
+        (r'file = "C:\Users\peg.stl"', 1, r'file = "C:\Users\peg.stl"', "the text in single quotes"),
+        ("[[case]\n", 1, "[[case]", "[TABLE] or [[TABLE]]"),
+        ("t = 0." + "0" * 500 + "1 mm\n", 1, "0" * 57 + "1 mm", "numbers as 0.5"),
+        ("a = { b = 1, b = 2 }\n", 1, "a = { b = 1, b = 2 }", ""),
+        ("a = 1\na.b = 2\n", 2, "a.b = 2", ""),
     ],
 )
-def test_what_is_clear_is_left_as_it_is(text: str) -> None:
-    reason = tomllib.TOMLDecodeError("Cannot overwrite a value (at end of document)")  # for the text that is empty
-    try:
-        tomllib.loads(text)
-    except tomllib.TOMLDecodeError as found:
-        reason = found
-    assert mistake(text, reason) == str(reason)
+def test_what_no_toml_is_was_told_without_its_line_what_stands_there_and_what_may(
+    tmp_path: Path, text: str, line: int, found: str, allowed: str
+) -> None:
+    """The line is that of the text which was written; before it was "p.toml: not valid TOML: ... (at line 2, ...)"."""
+    path = tmp_path / "p.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_problems(path)
+    assert str(caught.value).startswith(f"{path}:{line}: not valid TOML: ")
+    assert (caught.value.line, caught.value.found) == (line, found)
+    assert allowed in caught.value.allowed
+    assert bool(allowed) == bool(caught.value.allowed)
 
 
 @pytest.mark.parametrize(
