@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
 Called = TypeVar("Called", bound=Callable[..., Any])
-HINT, MANY = ", did you mean '", re.compile(r"[\w. -]+(, [\w. -]+){8,}")  # after a hint so many names are not told
+HINT, MANY = ", did you mean '", re.compile(r"[\w. \"-]+(, [\w. \"-]+){8,}")  # after a hint so many names are not told
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
@@ -103,6 +103,11 @@ def checked_path(value: Any, key: str) -> Path:
     if not isinstance(value, str | PathLike):
         raise InputError("not a path", key=key, found=value, allowed="text, or a path")
     return Path(value)
+
+
+def name_list(names: Iterable[str]) -> str:
+    """Return names with commas between, those that have a comma themselves in quotes."""
+    return ", ".join(f'"{name}"' if "," in name else name for name in names)
 
 
 def closest(key: str, allowed: Iterable[str]) -> str:

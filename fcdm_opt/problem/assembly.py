@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import check_sizes
 from fcdm_opt.curve.true_sizes import made_at, touching_true_faces
-from fcdm_opt.errors import InputError, closest, known_arguments, placed
+from fcdm_opt.errors import InputError, closest, known_arguments, name_list, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
@@ -205,7 +205,7 @@ class Assembly(Scene):
         if not resting or not moved:
             what = "no part is fixed: each has a motion" if moved else "no part has a motion"
             allowed = "motions of at least one part, and not of all: parts without one are fixed"
-            raise InputError(what, key="motions", found=", ".join(moved) or "none", allowed=allowed)
+            raise InputError(what, key="motions", found=name_list(moved) or "none", allowed=allowed)
         joined = _joined(contacts, bodies)
         for k, pair in enumerate(joined, 1):
             if not {*pair[:2]} & {*moved}:
@@ -572,7 +572,7 @@ def _bodies(parts: Any) -> dict[str, Body]:
 def _known(name: Any, key: str, known: Iterable[str]) -> str:
     if not isinstance(name, str) or name not in known:
         hint = closest(name, known) if isinstance(name, str) else ""
-        raise InputError(f"no such part{hint}", key=key, found=name, allowed=", ".join(known))
+        raise InputError(f"no such part{hint}", key=key, found=name, allowed=name_list(known))
     return name
 
 
@@ -642,7 +642,7 @@ def _followed(
     lost = [part for part in parts if part not in reached and part not in asked]
     if lost:
         what = f"no contacts lead from a fixed part ({', '.join(fixed)}) to this one"
-        raise InputError(what, key="contacts", found=", ".join(lost), allowed="contacts that join all parts")
+        raise InputError(what, key="contacts", found=name_list(lost), allowed="contacts that join all parts")
     found |= asked
     for part in found:
         seen = {part}

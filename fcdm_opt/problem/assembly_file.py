@@ -19,7 +19,6 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.keys import Corner, Made, Requirement, by_name, each, read_keep_outs, unlike_names
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
-from fcdm_opt.problem.syntax import parsed
 
 
 class PartEntry(BodyEntry, title="Parts"):
@@ -205,15 +204,6 @@ class AssemblyFile(Entry, title="Assembly file"):
 def scene_of(data: Mapping[str, Any]) -> Problem | Assembly:
     """Return the problem or assembly of plain data; raises `InputError` as their `from_dict` does."""
     return Assembly.from_dict(data) if "part" in data else Problem.from_dict(data)
-
-
-def is_assembly(path: Path) -> bool:
-    """Tell whether a file is that of an assembly; what cannot be read is none."""
-    try:
-        data = parsed(path.read_text(encoding="utf-8-sig")) if path.is_file() else {}
-    except (OSError, ValueError, RecursionError):
-        return False
-    return "part" in data and "bodies" not in data
 
 
 def _renamed(reason: InputError) -> InputError:

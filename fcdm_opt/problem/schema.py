@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest, similar_name
+from fcdm_opt.errors import InputError, checked_path, closest, name_list, similar_name
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import parsed
@@ -60,7 +60,7 @@ def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:
     for name in values:
         if name not in names:
             what = f"no such size{closest(str(name), names)}"
-            raise InputError(what, key=f"{key}.{name}", found=name, allowed=", ".join(names) or "none is given")
+            raise InputError(what, key=f"{key}.{name}", found=name, allowed=name_list(names) or "none is given")
 
 
 def _words(kind: Any) -> list[str]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from fcdm_opt.errors import InputError
@@ -23,7 +26,9 @@ _ALLOWED = {
     "Invalid initial": "a key of letters, digits, - and _, or in quotes; no comma after the last one",
     "Unclosed array": "a comma between two items, ] after the last",
     "Unclosed inline": "a comma between two keys, } after the last, all in one line",
-    **dict.fromkeys(("Illegal character '\\n'", "Unterminated", 'Expected "'), "a quote at the end of the text, in its line"),
+    **dict.fromkeys(
+        ("Illegal character '\\n'", "Unterminated", 'Expected "'), "a quote at the end of the text, in its line"
+    ),
     **dict.fromkeys(("Unescaped", "Invalid hex"), "\\\\ for each \\, or the text in single quotes"),
 }
 """What is allowed in place of what `tomllib` names so."""
@@ -45,6 +50,26 @@ def parsed(text: str) -> dict[str, Any]:
         raise _mistake(text, str(reason)) from reason
 
 
+def contents(path: Path, most: float = math.inf) -> dict[str, Any]:
+    """Return the contents of a TOML file; none where it cannot be read, or has more than `most` bytes."""
+    try:
+        return parsed(path.read_text(encoding="utf-8-sig")) if path.is_file() and path.stat().st_size <= most else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+
+
+def names(data: Mapping[str, Any], kind: str) -> list[str]:
+    """Return the names of the tables of a kind, as "case"."""
+    tables = data.get(kind, ())
+    found = [own.get("name") for own in tables if isinstance(own, dict)] if isinstance(tables, list) else []
+    return list(dict.fromkeys(name for name in found if isinstance(name, str)))
+
+
+def is_assembly(data: Mapping[str, Any]) -> bool:
+    """Tell whether the contents of a file are those of an assembly."""
+    return "part" in data and "bodies" not in data
+
+
 def _mistake(text: str, said: str) -> InputError:
     """Return what is wrong with a text that cannot be read as TOML, of which `tomllib` said something."""
     lines = text.replace("\r\n", "\n").rstrip().split("\n")
@@ -52,7 +77,10 @@ def _mistake(text: str, said: str) -> InputError:
     numbers = [int(number) for number in re.findall(r"\d+", place)]
     number, column = numbers if numbers else (len(lines), len(lines[-1]) + 1)  # at the end of the document
     line = lines[min(number, len(lines)) - 1]
-    what, allowed = said[:1].lower() + said[1:], next((own for key, own in _ALLOWED.items() if said.startswith(key)), "")
+    what, allowed = (
+        said[:1].lower() + said[1:],
+        next((own for key, own in _ALLOWED.items() if said.startswith(key)), ""),
+    )
     if table := _SEVERAL.fullmatch(said):
         name = ".".join(re.findall(r"'([^']*)'", table[1]))
         what = f"[{name}] is given twice"

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
-from fcdm_opt.errors import InputError, closest
+from fcdm_opt.cli.common import names, opened_files
+from fcdm_opt.errors import InputError, closest, name_list
 from fcdm_opt.problem.problem import SIGNS, load_problems
+from fcdm_opt.problem.schema import known_sizes
 from fcdm_opt.problem.syntax import parsed
 
 FILE = """
@@ -262,3 +264,17 @@ def test_numbers_of_arrays_were_told_by_their_type() -> None:
         ("np.float64(1.0)", "'np.float64(1.0)'"),
     ):
         assert str(InputError("wrong", found=found)) == f"wrong; found {told}"
+
+
+def test_names_with_commas_were_listed_as_if_they_were_two(tmp_path: Path) -> None:
+    """Two cases, "a, b" and "c", were "allowed: a, b, c"; what is listed can be typed as an option that takes names."""
+    assert name_list(["a, b", "c"]) == '"a, b", c'
+    assert names("--over", name_list(["a, b", "c"])) == ["a, b", "c"]
+    assert names("--over", "a ,b") == ["a", "b"]
+    path = tmp_path / "p.toml"
+    head, table, case = FILE.partition("[[case]]")
+    path.write_text(head + table + case.replace('"A"', '"peg, short"', 1) + table + case)
+    with pytest.raises(InputError, match=r'^--case: no such case; found .x.; allowed: "peg, short", A$'):
+        opened_files([path], ["x"], assemblies=False)
+    with pytest.raises(InputError, match=r'; allowed: "wide, left", deep$'):
+        known_sizes(["x"], "made", ["wide, left", "deep"])
