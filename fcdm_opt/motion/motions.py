@@ -885,7 +885,10 @@ def _point(values: Any, key: str) -> tuple[float, ...]:
 
 
 def _hashable(axis: Any) -> Any:
-    return axis if isinstance(axis, str) else _point(axis, "axis")
+    """Return a world axis by its name, also where a vector gives it; another vector as a tuple."""
+    point = axis if isinstance(axis, str) else _point(axis, "axis")
+    signs = () if isinstance(axis, str) else tuple(float((x > 0) - (x < 0)) for x in point)
+    return next((name for name, own in AXES.items() if signs == tuple(own)), point)
 
 
 def _axis_name(axis: Any) -> str:

@@ -618,7 +618,9 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
     for words in ("left wedge", "TX -0.0125", "0.06982", "exact", "yes"):
         assert words in table.stdout
     said = " ".join(table.stdout.split())
-    assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
+    verdict, amount = str(fo.solve(fo.load_assemblies(FILE)[0])).split("\n")  # of the amount nothing was printed
+    assert verdict in said
+    assert amount == "amount 0.06982 mm, proved at least 0.06982 mm, exact; verified"
     assert "base - scale 1.03 fixed -" in said
     for command in ("curve",):
         refused = run(command, FILE)
