@@ -512,7 +512,8 @@ def _code(answer: Any) -> int:
         return code_of(solution.usable, solution.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
-    return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
+    none = getattr(answer, "without_motion", False) or getattr(answer, "status", "") in (NONE, UNDECIDED)
+    return NO_MOTION if none else SOLVED
 
 
 def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scene]:
