@@ -753,6 +753,15 @@ class Body(_Sealed, NotebookRepr):
         T = rigid_transform(transform, key=f"body '{self.name}': transform")
         return self._mapped(lambda x: x @ T[:3, :3].T + T[:3, 3])._on_surfaces(T, 1.0)
 
+    def is_turned(self, other: Any) -> bool:
+        """Tell whether another body is this one `moved` so that its `size` differs, that of the box along the axes."""
+        if not isinstance(other, Body) or other.vertices.shape != self.vertices.shape:
+            return False
+        one, two = (own.vertices - own.seed for own in (self, other))
+        turn = np.linalg.lstsq(one, two, rcond=None)[0]
+        off = max(float(np.abs(one @ turn - two).max()) / self.size, float(np.abs(turn @ turn.T - np.eye(3)).max()))
+        return off <= DEFAULT.weld and abs(other.size - self.size) > DEFAULT.weld * self.size
+
     def _on_surfaces(self, transform: Array, scale: float) -> Body:
         """Return the body with its round surfaces moved and scaled, see `Swept.placed`."""
         if self.surfaces is None:
