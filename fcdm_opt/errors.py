@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
@@ -24,9 +24,22 @@ _OTHER_WORDS = {
     **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
     **dict.fromkeys(("foot", "feet"), "ft"),
     **{"part": "body", "bodies": "parts", "sizes": "made", "axis": "along", "face": "faces"},
-    **{"tol": "tolerance", "linspace": "grid", "fixed": "motion"},
+    **{"tol": "tolerance", "linspace": "grid", "fixed": "motion", "lhs": "latin hypercube"},
+    **dict.fromkeys(("sigma", "std"), "deviation"),
+    **dict.fromkeys(("draws", "samples"), "count"),
 }
 """Names of units that are spelled otherwise in files, and words that stand for a key elsewhere."""
+
+
+_UNFIT = {
+    **dict.fromkeys(("float_type", "float_parsing"), "not a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "not a whole number"),
+    **{"string_type": "not text in quotes", "bool_type": "not true or false", "dict_type": "not a table"},
+    **dict.fromkeys(("list_type", "tuple_type"), "not a list"),
+    **{"too_short": "too few items", "too_long": "too many items", "greater_than_equal": "too small a number"},
+    **dict.fromkeys(("bool_parsing", "literal_error"), "an unusable value"),
+}
+"""Types of errors of pydantic, which reads files and options, in words."""
 
 
 class FcdmError(Exception):
@@ -108,6 +121,11 @@ def checked_path(value: Any, key: str) -> Path:
 def name_list(names: Iterable[str]) -> str:
     """Return names with commas between, those that have a comma themselves in quotes."""
     return ", ".join(f'"{name}"' if "," in name else name for name in names)
+
+
+def unfit(detail: Mapping[str, Any]) -> str:
+    """Return what is wrong with a value in words, from one of the errors of pydantic about it."""
+    return _UNFIT.get(detail["type"], str(detail["msg"]).lower())
 
 
 def closest(key: str, allowed: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from fcdm_opt import pacing
 from fcdm_opt.cli import common
 from fcdm_opt.cli.common import Inquiry, OpenedFile, argument, checked, code_of, option
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, name_list
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
@@ -394,7 +394,7 @@ def stack_command(
     if cost:
         extra("cvxpy", "allocation", key="--cost")  # refused before tables are printed
     if cut is not None and out is None:
-        raise InputError("this is for pictures", key="--slice", found=cut, allowed="with --out")
+        raise InputError("this is for pictures", key="--slice", found=name_list(cut), allowed="with --out")
     named = {"--of": ("part", of or ()), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, named=named)
     from fcdm_opt.design.stack.stack_up import stack_up

@@ -794,7 +794,7 @@ def _check_several(asked: Arguments) -> None:
         return
     wrong: list[tuple[str, Any, str]] = []
     if asked.contacts is None:
-        wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
+        raise InputError('missing with goal "fit"', key="contacts", allowed='"all", or a list of labels')
     if asked.goal not in RESTORING_GOALS:
         allowed = f'"at", "seat" or "fit" with contacts, or goal {asked.goal!r} without contacts'
         wrong.append(("goal", asked.goal, allowed))

@@ -29,8 +29,9 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest, name_list, similar_name
+from fcdm_opt.errors import InputError, checked_path, closest, name_list, similar_name, unfit
 from fcdm_opt.geometry.files import mesh_formats
+from fcdm_opt.geometry.size import FIT_LETTERS
 from fcdm_opt.problem.arguments import LARGEST
 from fcdm_opt.problem.syntax import parsed
 
@@ -202,11 +203,14 @@ class Entry(BaseModel):
             elif len(details) > 1:
                 what = "wrong type, unit or shape"
             else:
-                what = f"unknown {info.field_name}" if told["type"] == "literal_error" else told["msg"].lower()
+                known = told["type"] == "literal_error" and isinstance(found, str)
+                what = f"unknown {info.field_name}" if known else unfit(told)
             field = cls.model_fields[str(info.field_name)]
             hint = closest(found, _words(field.annotation)) if isinstance(found, str) else ""
             if isinstance(found, str) and (share := re.fullmatch(r"\s*(\d*\.?\d+)\s*%\s*", found)):
                 hint = f", write {float(share[1]) / 100.0:.6g}"
+            if isinstance(found, str) and info.field_name == "tolerance" and FIT_LETTERS.fullmatch(found):
+                hint = ": letters of a fit are written as limits of a [[size]], tolerance = [LOWER, UPPER]"
             raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.cli.common import names, opened_files
 from fcdm_opt.errors import InputError, closest, name_list
 from fcdm_opt.problem.problem import SIGNS, load_problems
@@ -278,3 +280,61 @@ def test_names_with_commas_were_listed_as_if_they_were_two(tmp_path: Path) -> No
         opened_files([path], ["x"], assemblies=False)
     with pytest.raises(InputError, match=r'; allowed: "wide, left", deep$'):
         known_sizes(["x"], "made", ["wide, left", "deep"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "told"),
+    [
+        ("tolerance = 0.02", 'tolerance = "H7"', "defaults.tolerance", "limits of a [[size]], tolerance = [LOWER, UPPER]"),
+        ('[{ translation = "x" }]', '"x"', "defaults.motion", "not a list; found 'x'"),
+        ('[{ translation = "x" }]', "[]", "defaults.motion", "too few items; found []"),
+        ('{ translation = "x" }', "{ free = false }", "defaults.motion[1].free", "an unusable value; found False"),
+        (
+            '{ translation = "x" }', '{ translation = "x", rotation = "z" }', "defaults.motion[1]",
+            "several steps in one; found {'translation': 'x', 'rotation': 'z'}; allowed: a table each: "
+            "{ translation = .. }, { rotation = .. }",
+        ),
+        ("[defaults]", "[defaults]\nlimits = { TX = 1 }", "defaults.limits.TX", "not a list; found 1"),
+        ("[defaults]", "[defaults]\nlimits = [-1, 1]", "defaults.limits", "not a table; found [-1, 1]"),
+        ("[defaults]", '[defaults]\nlength = "5 mm"', "defaults.length", "not a number; found '5 mm'"),
+        ('name = "A"', "name = 3", "case[1].name", "not text in quotes; found 3"),
+        ('seed = "centroid"', 'round = "yes"', "bodies.movable.round", "not true or false; found 'yes'"),
+        (
+            'name = "A"', 'name = "A"\ngoal = "fit"', "case[1] 'A'.contacts",
+            'missing with goal "fit"; allowed: "all", or a list of labels',
+        ),
+    ],
+)  # fmt: skip
+def test_slips_were_told_in_words_of_a_library_or_of_something_else(
+    tmp_path: Path, old: str, new: str, key: str, told: str
+) -> None:
+    """ "input should be a valid tuple", "unknown free", "did you mean 'translation'?" of a step that is one."""
+    error = answer(tmp_path, old, new)
+    assert error.key == key
+    assert told in str(error)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("solve p.toml --case", "--case: its value is missing"),
+        ("solve p.toml --time abc", "--time: not a number; found 'abc'; see "),
+        ("map p.toml --jobs 0", "--jobs: too small a number; found '0'; allowed: >= 1; see "),
+        ("stack p.toml --draws 1.5", "--draws: not a whole number; found '1.5'; see "),
+        ("map p.toml --over width", "--over: not one to 6 sizes or scales: no 'width'; found ['width']; allowed: "),
+        ("map p.toml --over rho_1,rho_1", "--over: not one to 6 sizes or scales: one is given twice; found "),
+    ],
+)
+def test_options_were_refused_in_words_of_a_library_without_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, told: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.toml").write_text(FILE)
+    result = CliRunner().invoke(app, line.split())
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {told}")
+
+
+def test_other_words_for_keys_are_known() -> None:
+    for word, meant in {"sigma": "deviation", "std": "deviation", "draws": "count", "lhs": "latin hypercube"}.items():
+        assert closest(word, ["mean", "deviation", "count", "latin hypercube"]) == f", did you mean '{meant}'?"
