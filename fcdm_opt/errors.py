@@ -140,6 +140,18 @@ def closest(key: str, allowed: Iterable[str]) -> str:
     return f"{HINT}{found}'?" if found else ""
 
 
+def known_word(word: Any, known: Iterable[str], what: str, *, key: str | None, more: str = "") -> Any:
+    """Return one of the words that are known; refuses another, `what` it is, with a hint at the one spelled most alike.
+
+    `more` is allowed besides.
+    """
+    words = [*known]
+    if isinstance(word, str) and word in words:
+        return word
+    hint, allowed = closest(word, words) if isinstance(word, str) else "", f"{name_list(words)}{more}"
+    raise InputError(f"{what}{hint}", key=key, found=word, allowed=allowed or "none is given")
+
+
 def similar_name(path: Path) -> str:
     """Return a hint at what is named most alike in the folder of a path, "" where nothing is."""
     import difflib

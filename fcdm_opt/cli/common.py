@@ -16,7 +16,7 @@ import typer
 from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
 from fcdm_opt.cli.registry import ROWS
-from fcdm_opt.errors import InputError, closest, name_list
+from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.problem import syntax
 
 if TYPE_CHECKING:
@@ -200,9 +200,7 @@ def opened_files(
     for key, (kind, given) in {"--case": ("case", wanted), **(named or {})}.items():  # before libraries are loaded
         known = list(dict.fromkeys(name for data in plain for name in syntax.names(data, kind)))
         for name in given if known else ():
-            if name not in known:
-                what = f"no such {kind}{closest(name, known)}"
-                raise InputError(what, key=key, found=name, allowed=name_list(known))
+            known_word(name, known, f"no such {kind}", key=key)
     from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.assembly_file import AssemblyFile
     from fcdm_opt.problem.keys import ProblemFile

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.arrays import (
     LARGEST,
     SMALLEST,
@@ -706,8 +706,8 @@ class Body(_Sealed, NotebookRepr):
         return replace(self, parts=tuple(self.parts[k] for k in indices), full_body=self, part_indices=tuple(indices))
 
     def _in(self, unit: str) -> Body:
-        if unit not in ("", *NANOMETRES):
-            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=", ".join(NANOMETRES))
+        if unit:
+            known_word(unit, NANOMETRES, "unknown unit", key=f"body '{self.name}': unit")
         return self if unit == self.unit else replace(self, unit=cast("UnitOrNone", unit))
 
     def _mapped(self, rows: Any) -> Body:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.arrays import AXES, Array, Flags, frozen
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.plain import plain
@@ -859,9 +859,7 @@ def _shifted(point: Any, origin: Array) -> Any:
 
 def _direction(axis: Any, key: str) -> tuple[float, ...]:
     if isinstance(axis, str):
-        if axis not in AXES:
-            raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
-        return AXES[axis]
+        return AXES[known_word(axis, AXES, "unknown axis", key=key, more=" or a vector")]
     vector = _point(axis, key)
     longest = max(map(abs, vector))
     if longest == 0:

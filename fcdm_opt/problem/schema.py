@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest, name_list, similar_name, unfit
+from fcdm_opt.errors import InputError, checked_path, closest, known_word, similar_name, unfit
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.geometry.size import FIT_LETTERS
 from fcdm_opt.problem.arguments import LARGEST
@@ -59,9 +59,7 @@ def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[An
 def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:
     """Refuse names that none of a problem's sizes has."""
     for name in values:
-        if name not in names:
-            what = f"no such size{closest(str(name), names)}"
-            raise InputError(what, key=f"{key}.{name}", found=name, allowed=name_list(names) or "none is given")
+        known_word(name, names, "no such size", key=f"{key}.{name}")
 
 
 def _words(kind: Any) -> list[str]:

@@ -33,7 +33,7 @@ _ALLOWED = {
 }
 """What is allowed in place of what `tomllib` names so."""
 
-LONG = 120  # letters of a line, of which only what is about the mistake is shown where it has more
+LONG = 60  # letters of a line that are shown before a mistake
 LEVELS = 64  # of a dotted key: far more than any key has; the parser's time grows with their square, to minutes
 _TEXTS = re.compile(r'''"""(?:\\.|[^\\])*?"""|\'{3}.*?\'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|(#[^\n]*+)''', re.DOTALL)
 _DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{LEVELS}}}")
@@ -70,29 +70,27 @@ def is_assembly(data: Mapping[str, Any]) -> bool:
     return "part" in data and "bodies" not in data
 
 
-def _mistake(text: str, said: str) -> InputError:
-    """Return what is wrong with a text that cannot be read as TOML, of which `tomllib` said something."""
+def _mistake(text: str, message: str) -> InputError:
+    """Return what is wrong with a text that cannot be read as TOML, of which `tomllib` has a message."""
     lines = text.replace("\r\n", "\n").rstrip().split("\n")
-    said, _, place = said.partition(" (at ")
+    message, _, place = message.partition(" (at ")
     numbers = [int(number) for number in re.findall(r"\d+", place)]
     number, column = numbers if numbers else (len(lines), len(lines[-1]) + 1)  # at the end of the document
     line = lines[min(number, len(lines)) - 1]
-    what, allowed = (
-        said[:1].lower() + said[1:],
-        next((own for key, own in _ALLOWED.items() if said.startswith(key)), ""),
-    )
-    if table := _SEVERAL.fullmatch(said):
+    what = message[:1].lower() + message[1:]
+    allowed = next((own for key, own in _ALLOWED.items() if message.startswith(key)), "")
+    if table := _SEVERAL.fullmatch(message):
         name = ".".join(re.findall(r"'([^']*)'", table[1]))
         what = f"[{name}] is given twice"
         allowed = f"[[{name}]], in two brackets, before each" if name in TABLES else "all its keys in one table"
-    elif said.startswith(_TWICE) and (twice := _twice(lines, number)):
+    elif message.startswith(_TWICE) and (twice := _twice(lines, number)):
         name, number, before = twice
         line, what, allowed = lines[number - 1], f"{name} is given twice, before in line {before}", "a # before one"
     for comma in _COMMA.finditer(line) if numbers else ():
         if comma.start() < column and not line[comma.end() : column - 1].strip():
             what = f"{comma[0]} is written {comma[0].replace(',', '.')}, with a decimal point, not a comma"
             allowed = ""
-    found = line if len(line) <= LONG else line[max(0, column - LONG // 2) :]
+    found = line[max(0, column - LONG) :]
     return InputError(f"not valid TOML: {what}", line=number, found=found.strip(), allowed=allowed)
 
 

@@ -15,16 +15,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt import pacing
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
-from fcdm_opt.design.compensation.sampling import (
-    NOTHING,
-    OUTSIDE,
-    REJECTED,
-    UNDECIDED,
-    ActiveSet,
-    Sampler,
-    asked,
-    covered,
-)
+from fcdm_opt.design.compensation.sampling import MOTIONLESS, UNDECIDED, ActiveSet, Sampler, asked, covered
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
@@ -321,7 +312,7 @@ def compensation_map(
         mesh.refine()
         reached, stopped = _largest_error(mesh)
         table, sets = _table(mesh)
-        middle = () if {*sets} - {NOTHING, OUTSIDE, REJECTED} else made.mean(axis=1).tolist()
+        middle = () if {*sets} - MOTIONLESS else made.mean(axis=1).tolist()
         without = solve(asked(problem, middle, names), effort="quick") if middle else None
     return CompensationMap(
         problem=_plain(problem),
