@@ -36,7 +36,8 @@ _UNFIT = {
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "not a whole number"),
     **{"string_type": "not text in quotes", "bool_type": "not true or false", "dict_type": "not a table"},
     **dict.fromkeys(("list_type", "tuple_type"), "not a list"),
-    **{"too_short": "too few items", "too_long": "too many items", "greater_than_equal": "too small a number"},
+    **dict.fromkeys(("too_short", "missing"), "too few items"),
+    **{"too_long": "too many items", "greater_than_equal": "too small a number"},
     **dict.fromkeys(("bool_parsing", "literal_error"), "an unusable value"),
 }
 """Types of errors of pydantic, which reads files and options, in words."""

@@ -641,7 +641,8 @@ def _followed(
         seen = {part}
         while part := found.get(part, ""):
             if part in seen:
-                raise InputError("parts follow each other in a circle", key="follows", found=part, allowed="a tree")
+                what = "parts follow each other in a circle"
+                raise InputError(what, key=f"follows.{part}", found=found[part], allowed="a tree")
             seen.add(part)
     return found
 
@@ -657,8 +658,9 @@ def _off_by(
 ) -> dict[str, float]:
     """Return the scales that a requirement letter means."""
     if scales or letter is None or tolerance is None:
-        what, found = "a requirement and its tolerance go together, in place of scales", f"{letter}, {tolerance}"
-        raise InputError(what, key="requirement", found=found, allowed="both, or scales")
+        given = {"requirement": letter, "tolerance": tolerance, "scales": scales or None}
+        what, found = "not what parts are off by", ", ".join(key for key, own in given.items() if own is not None)
+        raise InputError(what, key="requirement", found=found, allowed="requirement and tolerance, or scales")
     choice(letter, "requirement", (*SIGNS,))
     shares = dict.fromkeys(parts, tolerance)
     if isinstance(tolerance, Mapping):

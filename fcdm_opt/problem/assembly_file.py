@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Container, Mapping, Sequence
 from functools import reduce
 from operator import rshift
@@ -208,7 +209,7 @@ def scene_of(data: Mapping[str, Any]) -> Problem | Assembly:
 
 def _renamed(reason: InputError) -> InputError:
     """Return a refusal with the key as a file has it."""
-    key = reason.key or ""
+    key = re.sub(r"^follows\.(.*)", r"part '\1'.follows", reason.key or "")
     for argument, table in (("contacts", "contact"), ("parts", "part"), ("motions", "part motion")):
         if key.split("[")[0].split(".")[0] == argument:
             key = table + key.removeprefix(argument)

@@ -14,9 +14,9 @@ from fcdm_opt.errors import InputError
 _KEY = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=""")
 _TABLE = re.compile(r"\[.*\]\s*(#.*)?$")  # at the very left: further right it is a line of a list
 _COMMA = re.compile(r"(?<![\w.,])[+-]?\d+,\d+(?![\w.])")
-_SEVERAL = re.compile(r"Cannot declare \((.*)\) twice")
+_HEAD = re.compile(r"\s*\[\[?\s*([^\]]+?)\s*\]")
 TABLES = "case", "contact", "keep_out", "part", "size", "vary"  # of which a file may have several
-_TWICE = ("Cannot overwrite a value", "Cannot mutate immutable namespace")
+_TWICE = ("Cannot declare", "Cannot overwrite a value", "Cannot mutate immutable namespace")
 _ALLOWED = {
     "Invalid value": '"text" in quotes, a number as 0.5, true, false, [a list] or { KEY = VALUE }',
     "Invalid statement": "KEY = VALUE, [TABLE], [[TABLE]], or a # before what is none",
@@ -79,9 +79,8 @@ def _mistake(text: str, message: str) -> InputError:
     line = lines[min(number, len(lines)) - 1]
     what = message[:1].lower() + message[1:]
     allowed = next((own for key, own in _ALLOWED.items() if message.startswith(key)), "")
-    if table := _SEVERAL.fullmatch(message):
-        name = ".".join(re.findall(r"'([^']*)'", table[1]))
-        what = f"[{name}] is given twice"
+    if message.startswith(_TWICE) and (table := _HEAD.match(line)):
+        name, what = table[1], f"[{table[1]}] is given twice"
         allowed = f"[[{name}]], in two brackets, before each" if name in TABLES else "all its keys in one table"
     elif message.startswith(_TWICE) and (twice := _twice(lines, number)):
         name, number, before = twice
