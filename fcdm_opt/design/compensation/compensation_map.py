@@ -36,7 +36,7 @@ from fcdm_opt.solver import solve
 
 BUDGET = 20_000
 SAMPLED, SEED = 8, 20_011  # sizes at which the judge looks at the motions
-SECONDS = 120.0
+SECONDS, LATE = 120.0, "the time given is too short to tell why"
 _FORMAT = "fcdm_opt compensation map 1"
 
 
@@ -312,8 +312,7 @@ def compensation_map(
         mesh.refine()
         reached, stopped = _largest_error(mesh)
         table, sets = _table(mesh)
-        middle = () if {*sets} - MOTIONLESS else made.mean(axis=1).tolist()
-        without = solve(asked(problem, middle, names), effort="quick") if middle else None
+        reason = "" if {*sets} - MOTIONLESS else pacing.in_time(_reason, problem, made.mean(axis=1), names, late=LATE)
     return CompensationMap(
         problem=_plain(problem),
         over=names,
@@ -327,9 +326,15 @@ def compensation_map(
         solved=len(sampler.known),
         seconds=perf_counter() - start,
         stopped=stopped,
-        reason="" if without is None else without.reason or without.status.words,
+        reason=reason,
         known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
     )
+
+
+def _reason(problem: Scene, made: Array, names: Sequence[str]) -> str:
+    """Return why some sizes have no motion."""
+    solution = solve(asked(problem, made, names), effort="quick")
+    return "" if solution.usable else solution.reason or solution.status.words
 
 
 def _largest_error(mesh: RefinedMesh) -> tuple[float, str]:
