@@ -409,9 +409,7 @@ def test_a_syntax_error_names_the_line(tmp_path: Path) -> None:
 def test_one_pair_of_brackets_for_each_of_several_cases_was_refused_without_a_hint(
     tmp_path: Path,
 ) -> None:
-    with pytest.raises(
-        InputError, match=r"\[case\] is given twice; .*; allowed: \[\[case\]\], in two brackets"
-    ):
+    with pytest.raises(InputError, match=r"\[case\] is given twice; .*; allowed: \[\[case\]\], in two brackets"):
         load(tmp_path, BODIES + '[case]\nname = "A"\n[case]\nname = "B"\n')
 
 
