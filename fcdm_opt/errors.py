@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_args
 
 Called = TypeVar("Called", bound=Callable[..., Any])
-HINT, MANY = ", did you mean '", re.compile(r"[\w. -]+(, [\w. -]+){8,}")  # after a hint so many names are not told
+HINT, MANY = ", did you mean '", re.compile(r"[\w. \"-]+(, [\w. \"-]+){8,}")  # after a hint so many names are not told
 LONGEST = 800  # letters of what is wrong, or of what is allowed: lists of names may have thousands
 _OTHER_WORDS = {
     **dict.fromkeys(("inch", "inches"), "in"),
@@ -24,9 +24,23 @@ _OTHER_WORDS = {
     **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
     **dict.fromkeys(("foot", "feet"), "ft"),
     **{"part": "body", "bodies": "parts", "sizes": "made", "axis": "along", "face": "faces"},
-    **{"tol": "tolerance", "linspace": "grid", "fixed": "motion"},
+    **{"tol": "tolerance", "linspace": "grid", "fixed": "motion", "lhs": "latin hypercube"},
+    **dict.fromkeys(("sigma", "std"), "deviation"),
+    **dict.fromkeys(("draws", "samples"), "count"),
 }
 """Names of units that are spelled otherwise in files, and words that stand for a key elsewhere."""
+
+
+_UNFIT = {
+    **dict.fromkeys(("float_type", "float_parsing"), "not a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "not a whole number"),
+    **{"string_type": "not text in quotes", "bool_type": "not true or false", "dict_type": "not a table"},
+    **dict.fromkeys(("list_type", "tuple_type"), "not a list"),
+    **dict.fromkeys(("too_short", "missing"), "too few items"),
+    **{"too_long": "too many items", "greater_than_equal": "too small a number"},
+    **dict.fromkeys(("bool_parsing", "literal_error"), "an unusable value"),
+}
+"""Types of errors of pydantic, which reads files and options, in words."""
 
 
 class FcdmError(Exception):
@@ -48,14 +62,23 @@ class InputError(FcdmError, ValueError):
         What was found there.
     allowed : str, optional
         What would be accepted.
+    line : int, optional
+        The line of the file, from 1; of a TOML file without it that of the key.
     """
 
     def __init__(
-        self, what: str, *, file: str | Path | None = None, key: str | None = None, found: Any = None, allowed: str = ""
+        self,
+        what: str,
+        *,
+        file: str | Path | None = None,
+        key: str | None = None,
+        found: Any = None,
+        allowed: str = "",
+        line: int | None = None,
     ) -> None:
-        self.what, self.file, self.key, self.found, self.allowed = what, file, key, found, allowed
-        line = _line(file, key)
-        named = f"{file}:{line}" if line else file
+        self.what, self.file, self.key, self.found, self.allowed, self.line = what, file, key, found, allowed, line
+        line = line or _line(file, key)
+        named = f"{file}:{line}" if line and file else file
         place = ": ".join(str(part) for part in (named, key) if part is not None)
         text = _shortened(f"{place}: {what}" if place else what)
         if found is not None:
@@ -69,7 +92,8 @@ class InputError(FcdmError, ValueError):
         """Return the same error, placed in a file or below a key of an enclosing structure."""
         option = (self.key or "").startswith("--")  # of the command line: no key of the file
         joined = (": " if option else ".").join(part for part in (key, self.key) if part) or None
-        return InputError(self.what, file=self.file or file, key=joined, found=self.found, allowed=self.allowed)
+        place: dict[str, Any] = {"file": self.file or file, "key": joined, "line": self.line}
+        return InputError(self.what, found=self.found, allowed=self.allowed, **place)
 
 
 @contextmanager
@@ -95,6 +119,16 @@ def checked_path(value: Any, key: str) -> Path:
     return Path(value)
 
 
+def name_list(names: Iterable[str]) -> str:
+    """Return names with commas between, those that have a comma themselves in quotes."""
+    return ", ".join(f'"{name}"' if "," in name else name for name in names)
+
+
+def unfit(detail: Mapping[str, Any]) -> str:
+    """Return what is wrong with a value in words, from one of the errors of pydantic about it."""
+    return _UNFIT.get(detail["type"], str(detail["msg"]).lower())
+
+
 def closest(key: str, allowed: Iterable[str]) -> str:
     """Return a hint at the allowed key that is spelled most alike, "" where none is near; dashes before it are none."""
     import difflib
@@ -105,6 +139,18 @@ def closest(key: str, allowed: Iterable[str]) -> str:
     meant = _OTHER_WORDS.get(asked, "")
     found = meant if meant in words else words[near[0]] if near else ""
     return f"{HINT}{found}'?" if found else ""
+
+
+def known_word(word: Any, known: Iterable[str], what: str, *, key: str | None, more: str = "") -> Any:
+    """Return one of the words that are known; refuses another, `what` it is, with a hint at the one spelled most alike.
+
+    `more` is allowed besides.
+    """
+    words = [*known]
+    if isinstance(word, str) and word in words:
+        return word
+    hint, allowed = closest(word, words) if isinstance(word, str) else "", f"{name_list(words)}{more}"
+    raise InputError(f"{what}{hint}", key=key, found=word, allowed=allowed or "none is given")
 
 
 def similar_name(path: Path) -> str:

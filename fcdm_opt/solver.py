@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.assembling import assembled
-from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments
+from fcdm_opt.errors import InputError, UnsolvedError, expected, known_arguments, known_word
 from fcdm_opt.judge.certificate import judged
 from fcdm_opt.judge.engagement import outside_fit
 from fcdm_opt.judge.multipliers import shows, smallest_by_multipliers
@@ -29,7 +29,7 @@ from fcdm_opt.model.true_faces import (
     points_of_true_faces,
 )
 from fcdm_opt.problem.active_parts import BATCH_SIZE, expand_active_parts, with_insides, with_parts
-from fcdm_opt.problem.arguments import is_real
+from fcdm_opt.problem.arguments import is_real, truth
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.contacts_restored import RESTORED, is_of_plane_faces, restores, restoring_motion, touching_again
@@ -460,10 +460,8 @@ def _check(problem: Scene, how: _How) -> None:
         raise InputError("this is for one question", key="problem", found=type(problem).__name__, allowed=allowed)
     expected(problem, (Problem, Assembly), "problem")
     for key, value, known in (("model", how.model, ("auto", *STAGES)), ("effort", how.effort, EFFORTS)):
-        if value not in known:
-            raise InputError(f"unknown {key}", key=key, found=value, allowed=", ".join(known))
-    if not isinstance(how.certify, bool):
-        raise InputError("not a truth value", key="certify", found=how.certify, allowed="True or False")
+        known_word(value, known, f"unknown {key}", key=key)
+    truth(how.certify, "certify")
     if how.certify and how.effort == "quick":
         raise InputError("a quick search proves nothing", key="effort", found="quick", allowed='"proved" with certify')
     if how.seconds is not None and not (is_real(how.seconds) and 0.0 < how.seconds < math.inf):

@@ -67,7 +67,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     only = solution.unique_within >= task.amount(q) or task.restored or task.goal == FIT  # of a fit gaps differ
     others = [] if only else _ties(problem, task, q)
     tied = [end for amount, end in others if amount >= task.amount(q) * (1.0 - DEFAULT.tied)]
-    reasons = [*holding.reasons, *["a tie: another motion is as small"] * bool(tied)]
+    reasons = [*holding.reasons, *["another motion is as small"] * bool(tied)]
     if len(tied) < len(others):
         reasons.append(f"not the least motion: there is one of amount {number_text(min(others, key=itemgetter(0))[0])}")
     if solution.status.name == "NOT_VERIFIED":
@@ -84,9 +84,9 @@ def sensitivity(solution: Solution) -> Sensitivity:
         even += [own for own in _balances(task, _pieces(at), at.groups()) if own.residual <= near]
     other = np.any([balance.unlike(best) for balance in even], axis=0)
     if (more & counted).any():
-        reasons.append("a tie: more constraints hold the motion than are needed")
+        reasons.append("more constraints hold the motion than it takes: which of them do depends on what changes")
     if (other & counted).any():
-        reasons.append("a tie: either of several constraints holds the motion")
+        reasons.append("either of several constraints holds the motion: which does depends on what changes")
     broken = np.any([balance.broken for balance in even], axis=0)
     return _made(problem, task, q, replace(best, open=more | other, broken=broken), reasons, tied)
 
@@ -372,7 +372,7 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     else:
         moved, amounts, _ = motion_rates(tasks, q, changes)
     if not reasons and np.isnan(moved).any():
-        reasons.append("a tie: other contacts hold the motion to either side, or more than are needed")
+        reasons.append("other contacts hold the motion to either side, or more than are needed")
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
     each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
     return AssemblySensitivity(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,8 +16,8 @@ import typer
 from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
 from fcdm_opt.cli.registry import ROWS
-from fcdm_opt.errors import InputError, closest
-from fcdm_opt.problem.syntax import parsed
+from fcdm_opt.errors import InputError, known_word
+from fcdm_opt.problem import syntax
 
 if TYPE_CHECKING:
     from fcdm_opt.show.album import Album
@@ -55,17 +56,10 @@ def problem_files(incomplete: str) -> list[str]:
 
 def case_names(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the cases of the files that are on the line already."""
-    names: list[str] = []
     begun = ctx.args  # before "--case" has a value
-    for path in map(Path, map(str, (*(ctx.params.get("files") or ctx.params.get("sources") or ()), *begun))):
-        try:
-            if path.stat().st_size > MOST_READ or not path.is_file():
-                continue
-            cases = parsed(path.read_text(encoding="utf-8-sig")).get("case", [])
-            names += [case["name"] for case in cases if isinstance(case.get("name"), str)]
-        except (OSError, ValueError, AttributeError, TypeError, RecursionError):
-            continue
-    return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]
+    paths = map(Path, map(str, (*(ctx.params.get("files") or ctx.params.get("sources") or ()), *begun)))
+    found = dict.fromkeys(name for path in paths for name in syntax.names(syntax.contents(path, MOST_READ), "case"))
+    return [name for name in found if name.startswith(incomplete)]
 
 
 def option(
@@ -113,8 +107,8 @@ def one_of(*words: str) -> Check:
 
 
 def names(key: str, text: str) -> list[str]:
-    """Return the names of a text with commas between; the check of options that are such."""
-    return [name.strip() for name in text.split(",")]
+    """Return the names of a text with commas between, in quotes where they have some; the check of such options."""
+    return [name.strip() for row in csv.reader([text], skipinitialspace=True) for name in row]
 
 
 def two(what: str) -> Check:
@@ -202,15 +196,20 @@ def opened_files(
     with `some` the first that can be, or what is about its bodies alone. Raises `InputError` for a wanted case that no
     file has, or what else options name.
     """
+    plain = [syntax.contents(path) for path in paths]
+    for key, (kind, given) in {"--case": ("case", wanted), **(named or {})}.items():  # before libraries are loaded
+        known = list(dict.fromkeys(name for data in plain for name in syntax.names(data, kind)))
+        for name in given if known else ():
+            known_word(name, known, f"no such {kind}", key=key)
     from fcdm_opt.problem.assembly import Assembly
-    from fcdm_opt.problem.assembly_file import AssemblyFile, is_assembly
+    from fcdm_opt.problem.assembly_file import AssemblyFile
     from fcdm_opt.problem.keys import ProblemFile
     from fcdm_opt.problem.problem import Problem
 
     read = list[tuple[Path, Any]]()  # or why it cannot be
-    for path in paths:
+    for path, data in zip(paths, plain, strict=True):
         try:
-            several = is_assembly(path)
+            several = syntax.is_assembly(data)
             if several and not assemblies:
                 what = "a file of an assembly, and this command is about two parts"
                 takers = ", ".join(name for name, row in ROWS.items() if row.assemblies)
@@ -219,15 +218,9 @@ def opened_files(
             read.append((path, AssemblyFile.read(path) if several else ProblemFile.read(path)))
         except InputError as reason:
             read.append((path, _refused(reason, file=path)))
-    contents = [own for _, own in read if not isinstance(own, str)]
-    for key, (kind, names) in {"--case": ("case", wanted), **(named or {})}.items():  # before any mesh is read
-        known = list(dict.fromkeys(each.name for own in contents for each in getattr(own, kind, ())))
-        for name in names if known else ():
-            if name not in known:
-                what = f"no such {kind}{closest(name, known)}"
-                raise InputError(what, key=key, found=name, allowed=", ".join(known))
-    for content in contents if first is not None else ():
-        cast("Any", first)(content)
+    for _, own in read if first is not None else ():  # before any mesh is read
+        if not isinstance(own, str):
+            cast("Any", first)(own)
     files = list[OpenedFile]()
     for path, own in read:
         if isinstance(own, str):
@@ -236,9 +229,9 @@ def opened_files(
         try:
             scene, make = (Assembly, own.assemblies) if isinstance(own, AssemblyFile) else (Problem, own.problems)
             make = partial(make, partial(_of_bodies, scene, path) if some else scene)
-            names = [case.name for case in own.case[:1]] if some else wanted
+            given = [case.name for case in own.case[:1]] if some else wanted
             refused = list[tuple[str, InputError]]()
-            made = tuple(make(path, wanted=names, refused=refused))
+            made = tuple(make(path, wanted=given, refused=refused))
             if refused and not made:
                 raise refused[0][1]
             errors = tuple((name, _refused(reason, file=path)) for name, reason in refused)

@@ -15,7 +15,7 @@ from fcdm_opt import pacing
 from fcdm_opt.cli import common
 from fcdm_opt.cli.common import Inquiry, OpenedFile, argument, checked, code_of, option
 from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, say
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, name_list
 from fcdm_opt.problem.syntax import parsed
 
 if TYPE_CHECKING:
@@ -187,6 +187,9 @@ def whatif_command(
     case: common.Cases = None,
 ) -> None:
     """Ask what would be if something were different; without options what constraints cost, or why none is met."""
+    if not pacing.limited():
+        pacing.begin(common.USUAL, usual=True)
+    inquiry = Inquiry(files, case, as_json=as_json)  # refuses words before libraries are loaded
     from fcdm_opt.design.whatif.budget import budget as largest_tolerances
     from fcdm_opt.design.whatif.compare import compare as compared
     from fcdm_opt.design.whatif.conflicts import conflicts as clashing
@@ -199,8 +202,6 @@ def whatif_command(
     from fcdm_opt.show.texts import advised
     from fcdm_opt.solver import solve
 
-    if not pacing.limited():
-        pacing.begin(common.USUAL, usual=True)
     plain = not (changes or budget or conflicts or drop or compare)
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -227,7 +228,7 @@ def whatif_command(
             yield "compare", compared(problem), tables.print_comparison
 
     only_budget = budget is not None and not (changes or conflicts or drop or compare)
-    _each_case(Inquiry(files, case, as_json=as_json), asked, ignored=ALL_SIZES[1:] if only_budget else ())
+    _each_case(inquiry, asked, ignored=ALL_SIZES[1:] if only_budget else ())
 
 
 def map_command(
@@ -253,17 +254,12 @@ def map_command(
     The sizes are the scales of both parts, or one to six [[size]] tables of the file, of an assembly too, or scales of
     its parts. The grid, one across and all others down, is written as CSV and as a page to print.
     """
-    from fcdm_opt.design.compensation.assembly_yield import assembly_yield
-    from fcdm_opt.design.compensation.compensation_map import compensation_map
-    from fcdm_opt.design.sizes import SCALES, box_over, chosen_sizes, sources
-    from fcdm_opt.show import tables
-    from fcdm_opt.show.grids import write_grids
-    from fcdm_opt.show.maps import map_figure, yield_figure
-
     pairs = _pairs(sizes, columns, nominals, deviations=True)
     given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
 
     def looked_at(file: Any) -> None:
+        from fcdm_opt.design.sizes import SCALES, box_over, chosen_sizes
+
         scales = {f"scales.{part.name}": 1.0 for part in getattr(file, "part", ())} or dict.fromkeys(SCALES, 1.0)
         known: Any = SimpleNamespace(sizes=file.size, nominal_scales=scales)
         with common.named(**given):
@@ -272,6 +268,13 @@ def map_command(
                 box_over(known, names or [*scales], box)
 
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=looked_at)
+    from fcdm_opt.design.compensation.assembly_yield import assembly_yield
+    from fcdm_opt.design.compensation.compensation_map import compensation_map
+    from fcdm_opt.design.sizes import chosen_sizes, sources
+    from fcdm_opt.show import tables
+    from fcdm_opt.show.grids import write_grids
+    from fcdm_opt.show.maps import map_figure, yield_figure
+
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -313,17 +316,18 @@ def pose_command(
     case: common.Cases = None,
 ) -> None:
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
-    from fcdm_opt.design.fixed_pose.best_pose import ONLY_CLEAR, best_pose
-    from fcdm_opt.design.fixed_pose.clearances import clearances
-    from fcdm_opt.design.sizes import size_box
-    from fcdm_opt.show import tables
-
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
     pairs = _pairs(sizes, columns, nominals)
     if box is not None:
+        from fcdm_opt.design.sizes import size_box
+
         with common.named(box="--box"):  # of an assembly one range, of all its parts
             size_box(box, "box", positive=[True] * (1 + isinstance(box[0], tuple)))
+    inquiry = Inquiry(files, case, as_json=as_json)
+    from fcdm_opt.design.fixed_pose.best_pose import ONLY_CLEAR, best_pose
+    from fcdm_opt.design.fixed_pose.clearances import clearances
+    from fcdm_opt.show import tables
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
         with common.named(
@@ -337,7 +341,7 @@ def pose_command(
         made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
-    _each_case(Inquiry(files, case, as_json=as_json), asked, ignored=ALL_SIZES)
+    _each_case(inquiry, asked, ignored=ALL_SIZES)
 
 
 def faces_command(
@@ -383,20 +387,21 @@ def stack_command(
 
     With --cost it finds the cheapest tolerances too. With --out it writes the rows as CSV, and pictures.
     """
-    from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.lazy_import import extra
-    from fcdm_opt.plain import plain
-    from fcdm_opt.show import stacks
-    from fcdm_opt.show.printing import print_text
 
     if share is not None and not cost:
         raise InputError("this is for the cheapest tolerances", key="--share", found=share, allowed="with --cost")
     if cost:
         extra("cvxpy", "allocation", key="--cost")  # refused before tables are printed
     if cut is not None and out is None:
-        raise InputError("this is for pictures", key="--slice", found=cut, allowed="with --out")
+        raise InputError("this is for pictures", key="--slice", found=name_list(cut), allowed="with --out")
     named = {"--of": ("part", of or ()), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, named=named)
+    from fcdm_opt.design.stack.stack_up import stack_up
+    from fcdm_opt.plain import plain
+    from fcdm_opt.show import stacks
+    from fcdm_opt.show.printing import print_text
+
     pictures, before = inquiry.pictures, dict[str, str]()
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -507,7 +512,8 @@ def _code(answer: Any) -> int:
         return code_of(solution.usable, solution.status.name)
     if isinstance(answer, BestPose) and not answer.passed:
         return NOT_VERIFIED
-    return NO_MOTION if isinstance(answer, BestPose) and answer.status in (NONE, UNDECIDED) else SOLVED
+    none = getattr(answer, "without_motion", False) or getattr(answer, "status", "") in (NONE, UNDECIDED)
+    return NO_MOTION if none else SOLVED
 
 
 def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scene]:
@@ -520,10 +526,10 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scen
 
 def _pairs(path: Path | None, columns: Sequence[str], nominals: str | None, *, deviations: bool = False) -> Any:
     """Return measured sizes, (n, k), as shares of those drawn; None where there is no file of them."""
-    from fcdm_opt.design.distributions import read_columns
-
     if path is None:
         return None
+    from fcdm_opt.design.distributions import read_columns
+
     each = "a number for each column, as 10,20"
     drawn = [1.0] * len(columns) if nominals is None else _numbers(nominals, "--nominals", each, len(columns))
     return read_columns(path, columns, drawn, deviations=deviations)

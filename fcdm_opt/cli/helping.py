@@ -20,7 +20,7 @@ from fcdm_opt import pacing
 from fcdm_opt.cli.guarding import EXIT_CODES, Manner, guarded, manner, stopped
 from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.cli.showing import shown
-from fcdm_opt.errors import InputError, closest
+from fcdm_opt.errors import InputError, closest, unfit
 
 OPTIONS = "Options"  # heading of options without a group
 LENT = "fcdm_opt.commands"
@@ -159,10 +159,15 @@ def _misunderstood(reason: Any) -> str:
         hint = f"; an option: fcdm-opt {of[0]} --{name}" if of else closest(name, known)
         return f"{name or repr(name)}: no such command{hint or '; allowed: ' + ', '.join(known)}"
     parameter = getattr(reason, "param", None)
+    if kind == "BadOptionUsage":
+        return f"{reason.option_name}: its value is missing{where}"
     if parameter is not None:
         name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar or parameter.name
         if kind == "MissingParameter":
             return f"{name}: missing; allowed: {(parameter.help or '').rstrip('.')}{where}"
+        for detail in getattr(reason.__cause__, "errors", list)():
+            allowed = ", ".join(f"{'>=' if key == 'ge' else key} {x}" for key, x in detail.get("ctx", {}).items())
+            return f"{InputError(unfit(detail), key=name, found=detail['input'], allowed=allowed)}{where}"
         return f"{name}: {_lower(reason.message)}{where}"
     row = ROWS.get(command.name) if kind == "UsageError" and command is not None else None
     if row is not None and row.surplus:

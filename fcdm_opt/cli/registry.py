@@ -125,7 +125,12 @@ problems/peg_square_tight.toml --conflicts""",
     ),
     "map": CommandRow(
         question=OTHERWISE, assemblies=True,
-        ends={**WELL, **NO_TIME, **BAD, NOT_VERIFIED: "a yield that was not confirmed"},
+        ends={
+            **WELL,
+            NO_MOTION: "a map without any motion, or the time given was over",
+            **BAD,
+            NOT_VERIFIED: "a yield that was not confirmed",
+        },
         examples="""problems/peg_tapered.toml --case A --out out
 problems/peg_tapered.toml --case A --budget 1 --out out""",
         answers={

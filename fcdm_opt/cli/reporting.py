@@ -10,7 +10,8 @@ from typing import Annotated, Any
 from fcdm_opt import pacing
 from fcdm_opt.cli.common import Cases, Time, argument, code_of, finish, opened_files, option, problem_files
 from fcdm_opt.cli.guarding import BAD_INPUT, INTERRUPTED, NO_MOTION, ending, say
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, name_list
+from fcdm_opt.problem import syntax
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
 MEGABYTE = 1e6
@@ -28,7 +29,6 @@ def report_command(
 ) -> None:
     """Write problems or assemblies and their solutions, or a study, as one HTML file; it needs no network."""
     from fcdm_opt.moved_files import write
-    from fcdm_opt.problem.assembly_file import is_assembly
 
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError("not the name of a report", key="--out", found=str(out), allowed="a name in .html")
@@ -36,7 +36,7 @@ def report_command(
         text, codes = _study(sources, case or ()), list[int]()
     else:
         paths = list(_files(sources))
-        asked = _assemblies if paths and all(map(is_assembly, paths)) else _problems
+        asked = _assemblies if paths and all(syntax.is_assembly(syntax.contents(path)) for path in paths) else _problems
         text, codes = asked(paths, certify, case or ())
     if text:
         with suppress(OSError):  # what is wrong with it is said when the file is written
@@ -62,12 +62,12 @@ def _files(sources: Iterable[Path]) -> Iterator[Path]:
 
 def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
+    opened = opened_files(paths, cases, assemblies=False)
     from fcdm_opt.show.rendering import plotly
     from fcdm_opt.show.report.gather import gather
     from fcdm_opt.show.report.page import page
 
     plotly()  # what is missing is said before anything is solved
-    opened = opened_files(paths, cases, assemblies=False)
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]
     with pacing.sharing(GATHERED):
@@ -86,11 +86,11 @@ def _codes(files: Sequence[Mapping[str, Any]], *, interrupted: bool) -> list[int
 
 def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
     """Return the same of files of assemblies."""
+    opened = opened_files(paths, cases, assemblies=True)
     from fcdm_opt.show.report.gather import answered_in_turn
     from fcdm_opt.show.report.page import assembly_page, assembly_report
     from fcdm_opt.show.solved import solved_case
 
-    opened = opened_files(paths, cases, assemblies=True)
     asked = [assembly for file in opened for assembly in file.problems]
 
     def answer(number: int) -> dict[str, Any]:
@@ -110,5 +110,5 @@ def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
         found = ", ".join(map(str, sources))
         raise InputError("a study is reported on alone", key="FILE|DIR", found=found, allowed="one folder of a study")
     if cases:
-        raise InputError("cases belong to problem files", key="--case", found=", ".join(cases), allowed="no --case")
+        raise InputError("cases belong to problem files", key="--case", found=name_list(cases), allowed="no --case")
     return study_page(StudyResult.read(sources[0]))

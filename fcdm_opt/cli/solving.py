@@ -54,9 +54,9 @@ def curve_command(
     case: common.Cases = None,
 ) -> None:
     """Print the decision curve of each pair of bodies: segments, switching points, status."""
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)  # refuses words before libraries are loaded
     from fcdm_opt.show.tables import print_curves
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     for file in inquiry:
         found: dict[DecisionCurve, list[str]] = {}  # the same one for the same bodies and box
         for problem in file.problems:
@@ -93,11 +93,11 @@ def solve_command(
 
     Of a file of an assembly the smallest motions of all its parts together.
     """
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     from fcdm_opt.design.cases import write_cases
     from fcdm_opt.show.assemblies import print_answers
     from fcdm_opt.show.solved import solved_case
 
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     answers: list[tuple[str, Bounded]] = []
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
@@ -133,13 +133,12 @@ def range_command(
     Of a file of an assembly it is told of each contact whose parts move against each other; parameters are
     "part.parameter".
     """
+    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
     from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, has_contact, moved_contacts
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.show.family import family_figure
     from fcdm_opt.show.tables import print_ranges
-
-    inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark)
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[Any, Any]]:
         along = _default_direction(file, problem) if direction is None else direction

@@ -18,7 +18,7 @@ from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli.common import LENGTH, OUTPUT, Time, argument, option
 from fcdm_opt.cli.guarding import say
 from fcdm_opt.cli.registry import ROWS
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_word
 
 if TYPE_CHECKING:
     from fcdm_opt.geometry.units import Unit
@@ -74,8 +74,7 @@ def schema_command(what: Annotated[str, option("--what", "KIND", KIND)] = "probl
     from fcdm_opt.design.study.schema import KINDS, json_schema, result_schema
 
     results = {name + "-result" * (name in KINDS): name for name, row in ROWS.items() if row.answers}
-    if what not in (*KINDS, *results):
-        raise InputError("no such kind", key="--what", found=what, allowed=", ".join((*KINDS, *results)))
+    known_word(what, (*KINDS, *results), "no such kind", key="--what")
     row = ROWS[results[what]] if what in results else None
     schema = result_schema(results[what], row.kinds(), row.about) if row else json_schema(what)
     typer.echo(json.dumps(schema, indent=2, ensure_ascii=False))

@@ -26,12 +26,13 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import same_unit
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry, is_assembly
+from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, with_defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, known_sizes
+from fcdm_opt.problem.syntax import contents, is_assembly
 
 ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
@@ -345,7 +346,7 @@ class Question:
     def read(cls, path: str | os.PathLike[str]) -> tuple[Question, ...]:
         """Return the questions of a file, one a case; raises `InputError` as `load_problems` and `load_assemblies`."""
         path = Path(path)
-        if is_assembly(path):
+        if is_assembly(contents(path)):
             several = AssemblyFile.read(path)
             several.check(path)
             parts, kept = ([_given(own, path.parent) for own in each] for each in (several.part, several.keep_out))

@@ -87,7 +87,8 @@ def chosen_sizes(scene: Scene, over: Any) -> tuple[str, ...]:
     if not 1 <= len({*found}) == len(found) <= MOST_OVER or not {*found} <= {*own, *scales}:
         allowed = f"one to {MOST_OVER} of {', '.join((*own, *scales))}"
         unknown = next((name for name in found if isinstance(name, str) and name not in (*own, *scales)), None)
-        hint = closest(unknown, (*own, *scales)) if unknown else ""
+        hint = f": no {unknown!r}{closest(unknown, (*own, *scales))}" if unknown else ""
+        hint = ": one is given twice" if not hint and len({*found}) < len(found) else hint
         raise InputError(f"not one to {MOST_OVER} sizes or scales{hint}", key="over", found=over, allowed=allowed)
     return found
 

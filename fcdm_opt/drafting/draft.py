@@ -22,7 +22,7 @@ from fcdm_opt import pacing, process_pool
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
-from fcdm_opt.errors import InputError, closest
+from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.geometry.arrays import Array, groups_of
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
@@ -114,10 +114,7 @@ def draft(
     see `Body.from_file`. Raises `InputError` that names the mesh file that cannot be read or bounds no solid, or the
     argument.
     """
-    if unit is not None and unit not in NANOMETRES:
-        what = f"unknown unit{closest(unit, NANOMETRES)}"
-        raise InputError(what, key="--unit", found=unit, allowed=", ".join(NANOMETRES))
-    lengths = UNIT if unit is None else unit
+    lengths = UNIT if unit is None else known_word(unit, NANOMETRES, "unknown unit", key="--unit")
     paths = Path(movable), Path(static)
     files = [chosen_solid(path)[0] for path in paths]
     bounds = [deviation if file.suffix.lower() in STEP else None for file in files]

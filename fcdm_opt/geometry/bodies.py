@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.arrays import (
     LARGEST,
     SMALLEST,
@@ -706,8 +706,8 @@ class Body(_Sealed, NotebookRepr):
         return replace(self, parts=tuple(self.parts[k] for k in indices), full_body=self, part_indices=tuple(indices))
 
     def _in(self, unit: str) -> Body:
-        if unit not in ("", *NANOMETRES):
-            raise InputError("unknown unit", key=f"body '{self.name}': unit", found=unit, allowed=", ".join(NANOMETRES))
+        if unit:
+            known_word(unit, NANOMETRES, "unknown unit", key=f"body '{self.name}': unit")
         return self if unit == self.unit else replace(self, unit=cast("UnitOrNone", unit))
 
     def _mapped(self, rows: Any) -> Body:
@@ -752,6 +752,15 @@ class Body(_Sealed, NotebookRepr):
         """Return the body moved with its seed by a rigid 4x4 `transform`."""
         T = rigid_transform(transform, key=f"body '{self.name}': transform")
         return self._mapped(lambda x: x @ T[:3, :3].T + T[:3, 3])._on_surfaces(T, 1.0)
+
+    def is_turned(self, other: Any) -> bool:
+        """Tell whether another body is this one `moved` so that its `size` differs, that of the box along the axes."""
+        if not isinstance(other, Body) or other.vertices.shape != self.vertices.shape:
+            return False
+        one, two = (own.vertices - own.seed for own in (self, other))
+        turn = np.linalg.lstsq(one, two, rcond=None)[0]
+        off = max(float(np.abs(one @ turn - two).max()) / self.size, float(np.abs(turn @ turn.T - np.eye(3)).max()))
+        return off <= DEFAULT.weld and abs(other.size - self.size) > DEFAULT.weld * self.size
 
     def _on_surfaces(self, transform: Array, scale: float) -> Body:
         """Return the body with its round surfaces moved and scaled, see `Swept.placed`."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.geometry.approximate import approximate
 from fcdm_opt.geometry.arrays import Array, Ints, frozen, groups_of
 from fcdm_opt.geometry.cells import Arrangement, Cell, Facet
@@ -68,8 +68,7 @@ def decompose(mesh: Mesh, seed: Array, *, method: Method = "auto") -> Decomposit
     solid.
     """
     key = f"body '{mesh.name}'"
-    if method not in METHODS:
-        raise InputError("unknown decomposition", key=f"{key}: decomposition", found=method, allowed=", ".join(METHODS))
+    known_word(method, METHODS, "unknown decomposition", key=f"{key}: decomposition")
     used = np.unique(mesh.triangles)
     reflex = _reflex_edges(mesh, used)
     if not reflex and _is_whole(mesh, used):

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError, checked_path, similar_name
+from fcdm_opt.errors import InputError, checked_path, name_list, similar_name
 from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
@@ -227,7 +227,7 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     sound = np.isfinite(drawn.vertices).all() and min(every) >= 0 and max(every) < len(drawn.vertices)
     found = drawn.by_name() if sound else {}  # `checked_mesh` says what is wrong with others
     if solid and solid not in found:
-        raise InputError("no such solid in the file", file=path, found=solid, allowed=", ".join(found) or "none: open")
+        raise InputError("no such solid in the file", file=path, found=solid, allowed=name_list(found) or "none: open")
     if solid:
         return drawn.only(found[solid]), (), ()
     if len(found) < 2:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, distinct_rows, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
@@ -376,9 +376,9 @@ def _turn(facets: int, name: str) -> tuple[Array, Array]:
 def _frame(axis: ArrayLike | str, name: str) -> Array:
     """Return rows x, y, z of a frame whose z is an axis; that of the world for the world's."""
     key = f"body '{name}': axis"
-    if isinstance(axis, str) and axis not in AXES:
-        raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
-    z = _vector(AXES[axis] if isinstance(axis, str) else axis, name, "axis")
+    if isinstance(axis, str):
+        axis = AXES[known_word(axis, AXES, "unknown axis", key=key, more=" or a vector")]
+    z = _vector(axis, name, "axis")
     if not np.linalg.norm(z) > 0.0:
         raise InputError("no direction", key=key, found=z.tolist(), allowed="not (0, 0, 0)")
     z = units(z)

@@ -273,8 +273,8 @@ class Size(Plain):
         allowed = f"{share}; (low, high) with low <= high, or one number t for (-t, t)"
         if isinstance(told, str) and FIT_LETTERS.fullmatch(told):
             allowed = (
-                "the lower and upper deviation that ISO 286 has for it at the diameter, in the file's unit, bore and "
-                "shaft each in a size of its own: at 20 mm [0.0, 0.021] of H7, [-0.020, -0.007] of g6"
+                "tolerance = [LOWER, UPPER], the deviations that ISO 286 has for it at the diameter, in the file's "
+                "unit, bore and shaft each in a size of its own: at 20 mm [0.0, 0.021] of H7, [-0.020, -0.007] of g6"
             )
             raise self._refused("letters of a fit are not known here", "tolerance", told, allowed)
         if isinstance(told, str):

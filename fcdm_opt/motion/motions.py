@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.arrays import AXES, Array, Flags, frozen
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.plain import plain
@@ -859,9 +859,7 @@ def _shifted(point: Any, origin: Array) -> Any:
 
 def _direction(axis: Any, key: str) -> tuple[float, ...]:
     if isinstance(axis, str):
-        if axis not in AXES:
-            raise InputError("unknown axis", key=key, found=axis, allowed=", ".join(AXES) + " or a vector")
-        return AXES[axis]
+        return AXES[known_word(axis, AXES, "unknown axis", key=key, more=" or a vector")]
     vector = _point(axis, key)
     longest = max(map(abs, vector))
     if longest == 0:
@@ -885,7 +883,12 @@ def _point(values: Any, key: str) -> tuple[float, ...]:
 
 
 def _hashable(axis: Any) -> Any:
-    return axis if isinstance(axis, str) else _point(axis, "axis")
+    """Return a world axis by its name, also where a vector gives it; another vector as a tuple."""
+    if isinstance(axis, str):
+        return axis
+    point = _point(axis, "axis")
+    signs = tuple(float((x > 0) - (x < 0)) for x in point)
+    return next((name for name, own in AXES.items() if signs == tuple(own)), point)
 
 
 def _axis_name(axis: Any) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.geometry.arrays import Array
 
 LARGEST = 1e30  # of any number: sums and products of lengths, weights and scales stay finite
@@ -97,8 +97,7 @@ def by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
     if not isinstance(values, Mapping):
         raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with some of the names {allowed}")
     for name in values:
-        if name not in names:
-            raise InputError("no such parameter of the motion", key=f"{key}.{name}", found=name, allowed=allowed)
+        known_word(name, names, "no such parameter of the motion", key=f"{key}.{name}")
     return dict(values)
 
 

@@ -147,9 +147,8 @@ class AssemblySolution(Bounded):
             object.__setattr__(self, key, ByPart(getattr(self, key), why))
 
     def __str__(self) -> str:
-        """Return the verdict in words."""
-        name, told = self.assembly.name, imported("show.assemblies:assembly_verdict")(self)
-        return f"{name}: {told}" if name else str(told)
+        """Return the verdict in words, and below it the amount and what is proved of it."""
+        return imported("show.assemblies:answer_text")(self)
 
     @property
     def question(self) -> Assembly:

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import check_sizes
 from fcdm_opt.curve.true_sizes import made_at, touching_true_faces
-from fcdm_opt.errors import InputError, closest, known_arguments, placed
+from fcdm_opt.errors import InputError, known_arguments, known_word, name_list, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.matching import matched
@@ -205,7 +205,7 @@ class Assembly(Scene):
         if not resting or not moved:
             what = "no part is fixed: each has a motion" if moved else "no part has a motion"
             allowed = "motions of at least one part, and not of all: parts without one are fixed"
-            raise InputError(what, key="motions", found=", ".join(moved) or "none", allowed=allowed)
+            raise InputError(what, key="motions", found=name_list(moved) or "none", allowed=allowed)
         joined = _joined(contacts, bodies)
         for k, pair in enumerate(joined, 1):
             if not {*pair[:2]} & {*moved}:
@@ -569,20 +569,13 @@ def _bodies(parts: Any) -> dict[str, Body]:
     return found
 
 
-def _known(name: Any, key: str, known: Iterable[str]) -> str:
-    if not isinstance(name, str) or name not in known:
-        hint = closest(name, known) if isinstance(name, str) else ""
-        raise InputError(f"no such part{hint}", key=key, found=name, allowed=", ".join(known))
-    return name
-
-
 def _by_part(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, Any]:
     """Return a mapping whose keys are names of parts."""
     if values is None:
         return {}
     if not isinstance(values, Mapping):
         raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with names of {', '.join(known)}")
-    return {_known(part, f"{key}.{part}", known): value for part, value in values.items()}
+    return {known_word(part, known, "no such part", key=f"{key}.{part}"): value for part, value in values.items()}
 
 
 def _numbers(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, float]:
@@ -606,7 +599,7 @@ def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
             if "parts" in table:
                 table["parts"] = items(table["parts"])
             entry = checked(JoinedEntry, table)
-        one, two = (_known(name, f"{key}.parts", parts) for name in entry.parts)
+        one, two = (known_word(name, parts, "no such part", key=f"{key}.parts") for name in entry.parts)
         if one == two:
             raise InputError("a part does not meet itself", key=f"{key}.parts", found=one, allowed="two parts")
         if any({one, two} == {*other[:2]} for other in found):
@@ -627,7 +620,7 @@ def _followed(
     """Return which part each moving one follows: as given, or the next on the way of contacts to a fixed one."""
     asked = _by_part(given, "follows", parts)
     for part, leader in asked.items():
-        _known(leader, f"follows.{part}", parts)
+        known_word(leader, parts, "no such part", key=f"follows.{part}")
         if part in fixed:
             allowed = "a part that moves"
             raise InputError("a fixed part follows none", key=f"follows.{part}", found=leader, allowed=allowed)
@@ -642,13 +635,14 @@ def _followed(
     lost = [part for part in parts if part not in reached and part not in asked]
     if lost:
         what = f"no contacts lead from a fixed part ({', '.join(fixed)}) to this one"
-        raise InputError(what, key="contacts", found=", ".join(lost), allowed="contacts that join all parts")
+        raise InputError(what, key="contacts", found=name_list(lost), allowed="contacts that join all parts")
     found |= asked
     for part in found:
         seen = {part}
         while part := found.get(part, ""):
             if part in seen:
-                raise InputError("parts follow each other in a circle", key="follows", found=part, allowed="a tree")
+                what = "parts follow each other in a circle"
+                raise InputError(what, key=f"follows.{part}", found=found[part], allowed="a tree")
             seen.add(part)
     return found
 
@@ -664,8 +658,9 @@ def _off_by(
 ) -> dict[str, float]:
     """Return the scales that a requirement letter means."""
     if scales or letter is None or tolerance is None:
-        what, found = "a requirement and its tolerance go together, in place of scales", f"{letter}, {tolerance}"
-        raise InputError(what, key="requirement", found=found, allowed="both, or scales")
+        given = {"requirement": letter, "tolerance": tolerance, "scales": scales or None}
+        what, found = "not what parts are off by", ", ".join(key for key, own in given.items() if own is not None)
+        raise InputError(what, key="requirement", found=found, allowed="requirement and tolerance, or scales")
     choice(letter, "requirement", (*SIGNS,))
     shares = dict.fromkeys(parts, tolerance)
     if isinstance(tolerance, Mapping):
@@ -705,7 +700,7 @@ def _made(
     if len(names) < len(sizes):
         raise InputError("not a size", key="sizes", found=sizes, allowed="Sizes")
     for size in sizes:
-        _known(size.body, f"size '{size.name}'.body", parts)
+        known_word(size.body, parts, "no such part", key=f"size '{size.name}'.body")
         if names.count(size.name) > 1:
             raise InputError("two sizes have one name", key="sizes", found=size.name, allowed="a name of its own")
     if isinstance(made, str) and made not in CORNERS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Container, Mapping, Sequence
 from functools import reduce
 from operator import rshift
@@ -19,7 +20,6 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.keys import Corner, Made, Requirement, by_name, each, read_keep_outs, unlike_names
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Bound, Entry, Number, Positive, declared, read_entry
-from fcdm_opt.problem.syntax import parsed
 
 
 class PartEntry(BodyEntry, title="Parts"):
@@ -207,18 +207,9 @@ def scene_of(data: Mapping[str, Any]) -> Problem | Assembly:
     return Assembly.from_dict(data) if "part" in data else Problem.from_dict(data)
 
 
-def is_assembly(path: Path) -> bool:
-    """Tell whether a file is that of an assembly; what cannot be read is none."""
-    try:
-        data = parsed(path.read_text(encoding="utf-8-sig")) if path.is_file() else {}
-    except (OSError, ValueError, RecursionError):
-        return False
-    return "part" in data and "bodies" not in data
-
-
 def _renamed(reason: InputError) -> InputError:
     """Return a refusal with the key as a file has it."""
-    key = reason.key or ""
+    key = re.sub(r"^follows\.(.*)", r"part '\1'.follows", reason.key or "")
     for argument, table in (("contacts", "contact"), ("parts", "part"), ("motions", "part motion")):
         if key.split("[")[0].split(".")[0] == argument:
             key = table + key.removeprefix(argument)

@@ -134,6 +134,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
         "whether facets stand for the cylinder, cone or sphere that their corners lie on (true) or are the true faces "
         "(false); without it those of a STEP file stand for what that says, and those of meshes are taken as they are",
         True,
+        strict=True,
     )
     notes: list[str] = declared(
         [], "how the body was made: text that is shown with results", ["cut by CoACD at threshold 0.05"]
@@ -550,7 +551,11 @@ def _step_kind(entry: Any) -> str:
 
 def _some_step(entry: Any) -> Any:
     """Refuse what no step is, with a hint at the key that was probably meant."""
-    if isinstance(entry, Mapping) and any(key in entry for key in _STEP_KEYS):
+    steps = [key for key in _STEP_KEYS if key in entry] if isinstance(entry, Mapping) else []
+    if len(steps) > 1:
+        allowed = f"a table each: {', '.join(f'{{ {key} = .. }}' for key in entry if key in steps)}"
+        raise refusal("several steps in one", found=entry, allowed=allowed)
+    if steps:
         return entry
     hints = ((key, closest(str(key), _STEP_KEYS)) for key in (entry if isinstance(entry, Mapping) else ()))
     what = next((f": unknown key '{key}'{hint}" for key, hint in hints if hint), "")

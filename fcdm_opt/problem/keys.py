@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag, WrapVa
 
 from fcdm_opt import pacing, process_pool
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError, closest, placed
+from fcdm_opt.errors import InputError, closest, known_word, placed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone, same_unit
@@ -383,9 +383,7 @@ def _bare(value: Any) -> Any:
 def _chosen(names: list[str] | None, keep_out: Mapping[str, KeepOut]) -> tuple[KeepOut, ...]:
     """Return the keep-outs of these names, all for None."""
     for k, name in enumerate(names or (), 1):
-        if name not in keep_out:
-            what = f"no such keep-out{closest(name, keep_out)}"
-            raise InputError(what, key=f"keep_out[{k}]", found=name, allowed=", ".join(keep_out) or "none is given")
+        known_word(name, keep_out, "no such keep-out", key=f"keep_out[{k}]")
     return tuple(keep_out[name] for name in (keep_out if names is None else names))
 
 

@@ -275,15 +275,19 @@ class NominalContact:
             asked = self.nominal_pair
             nearest = self.curve.nearest(asked)
             gap = self.curve.gap(asked)
-            near = f"nearest to it is {nearest.tolist()}" if np.isfinite(nearest).all() else "the bodies have none near"
+            pair = [float(f"{x:.15g}") for x in nearest.tolist()]
+            near = f"nearest to it is {pair}" if np.isfinite(nearest).all() else "the bodies have none near"
             what = (
                 f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
                 f"{self.curve.movable.name or 'the movable part'} and {self.curve.static.name or 'the static part'} "
-                f"{'overlap' if gap < 0.0 else 'are apart'}, the gap there is {gap:.6g} (< 0: overlapping), and one of "
+                f"{'overlap' if gap < 0.0 else 'are apart'}, the gap there is {gap:.6g}, and one of "
                 f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
                 f"{self.snap:.3g} (snap) of what was asked"
             )
-            allowed = 'a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"'
+            allowed = (
+                'a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"; from a pose '
+                "sensed: ask about the parts as drawn, and correct by transform @ inv(sensed)"
+            )
             raise InputError(what, key="nominal", found=asked.tolist(), allowed=allowed)
         if goal == "beyond" and not isinstance(self.nominal_contact, SwitchingPoint):
             what = (

@@ -380,12 +380,14 @@ class Problem(NominalContact, Scene, NotebookRepr):
     def changed(self, **arguments: Any) -> Problem:
         """Return the same question with other arguments, resolved anew; raises as the constructor does.
 
-        Of what does not depend on these nothing is checked again.
+        Of what does not depend on these nothing is checked again. A movable body that is turned, as in a pose sensed,
+        keeps the `length` by which angles count.
         """
         if self.reformulated is not self:
             return self.of_facets.changed(**arguments)  # the points are of these sizes
         if not all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items()):
-            return Problem(**{**self.request, **arguments})
+            turned = self.request["length"] is None and self.movable.is_turned(arguments.get("movable"))
+            return Problem(**{**self.request, **({"length": self.length} if turned else {}), **arguments})
         asked = checked_arguments(SizeKeys, arguments)
         request = {**self.request, **{key: getattr(asked, key) for key in arguments}}
         kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets", "restoring")}
@@ -792,7 +794,7 @@ def _check_several(asked: Arguments) -> None:
         return
     wrong: list[tuple[str, Any, str]] = []
     if asked.contacts is None:
-        wrong.append(("contacts", None, 'contacts = "all", or a list of labels, with goal "fit"'))
+        raise InputError('missing with goal "fit"', key="contacts", allowed='"all", or a list of labels')
     if asked.goal not in RESTORING_GOALS:
         allowed = f'"at", "seat" or "fit" with contacts, or goal {asked.goal!r} without contacts'
         wrong.append(("goal", asked.goal, allowed))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
@@ -30,10 +29,11 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest, similar_name
+from fcdm_opt.errors import InputError, checked_path, closest, known_word, similar_name, unfit
 from fcdm_opt.geometry.files import mesh_formats
+from fcdm_opt.geometry.size import FIT_LETTERS
 from fcdm_opt.problem.arguments import LARGEST
-from fcdm_opt.problem.syntax import mistake, parsed
+from fcdm_opt.problem.syntax import parsed
 
 Read = TypeVar("Read", bound="Entry")
 LARGEST_FILE = 2**26  # bytes: more than any file that is written as text; a device has no end
@@ -59,9 +59,7 @@ def refusal(what: str, *, found: Any = None, allowed: str = "", inside: tuple[An
 def known_sizes(values: Iterable[str], key: str, names: Sequence[str]) -> None:
     """Refuse names that none of a problem's sizes has."""
     for name in values:
-        if name not in names:
-            what = f"no such size{closest(str(name), names)}"
-            raise InputError(what, key=f"{key}.{name}", found=name, allowed=", ".join(names) or "none is given")
+        known_word(name, names, "no such size", key=f"{key}.{name}")
 
 
 def _words(kind: Any) -> list[str]:
@@ -203,11 +201,14 @@ class Entry(BaseModel):
             elif len(details) > 1:
                 what = "wrong type, unit or shape"
             else:
-                what = f"unknown {info.field_name}" if told["type"] == "literal_error" else told["msg"].lower()
+                known = told["type"] == "literal_error" and isinstance(found, str)
+                what = f"unknown {info.field_name}" if known else unfit(told)
             field = cls.model_fields[str(info.field_name)]
             hint = closest(found, _words(field.annotation)) if isinstance(found, str) else ""
             if isinstance(found, str) and (share := re.fullmatch(r"\s*(\d*\.?\d+)\s*%\s*", found)):
                 hint = f", write {float(share[1]) / 100.0:.6g}"
+            if isinstance(found, str) and info.field_name == "tolerance" and FIT_LETTERS.fullmatch(found):
+                hint = ": letters of a fit are written as limits of a [[size]], tolerance = [LOWER, UPPER]"
             raise refusal(what + hint, found=found, allowed=str(field.description), inside=inside) from error
 
 
@@ -229,12 +230,10 @@ def read_entry(model: type[Read], path: str | os.PathLike[str], kind: str, neede
             raise InputError("the file is too large", file=file, allowed=allowed)
         text = content.decode("utf-8-sig")  # some editors begin a file with a mark
         data = parsed(text)
-    except tomllib.TOMLDecodeError as reason:
-        raise InputError(f"not valid TOML: {mistake(text, reason)}", file=file) from reason
     except UnicodeDecodeError as reason:
         raise InputError("not a text file in UTF-8", file=file, found=reason.object[reason.start]) from reason
-    except InputError:
-        raise
+    except InputError as reason:
+        raise reason.within(file=file) from reason
     except (RecursionError, ValueError) as reason:  # nested too deep, numbers too long, a path with a null
         raise InputError(f"the file cannot be read: {str(reason)[:100]}", file=repr(str(file))) from reason
     except OSError as reason:

@@ -113,6 +113,15 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     return "; ".join([f"{done}: then every contact is {met}", solution.doubt or proved, *through])
 
 
+def answer_text(solution: AssemblySolution) -> str:
+    """Return the verdict, and below it the amount and its bound: all that `print` shows of an assembly's solution."""
+    name, told = solution.assembly.name, [assembly_verdict(solution)]
+    if solution.status.found and solution.status.name != "OUTSIDE_FIT":
+        amount = texts.amount_text(texts.seen_amount(solution), solution.assembly.amount_unit)
+        told.append(f"amount {amount}, proved at least {texts.bound_line(solution)}; {texts.outcome_text(solution)}")
+    return "\n".join([f"{name}: {told[0]}" if name else told[0], *told[1:]])
+
+
 def verdict_of(solution: Any) -> str:
     """Return the verdict of an answer about two parts or several."""
     return (assembly_verdict if hasattr(solution, "assembly") else verdict_text)(solution)

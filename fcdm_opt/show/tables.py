@@ -355,8 +355,10 @@ def print_comparison(comparison: Comparison) -> None:
 
 
 def print_yield(result: AssemblyYield) -> None:
-    """Print the share of pairs that pass, and which size's tolerance contributes how much."""
+    """Print the share of pairs that pass, and which size's tolerance contributes how much, where that is known."""
     print_text(str(result), indent="   ")
+    if not any(math.isfinite(own.first_order) or 0.0 < own.share_without < 1.0 for own in result.contributions):
+        return
     others = "with the others" if len(result.contributions) > 2 else "with the other"
     rows = [
         {

@@ -157,7 +157,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     for event in coherent.events:
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
         steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
-        ends.append((event, steps or ("staying there" if values else "")))
+        ends.append((event, steps or "no motion at all" * bool(values)))
     along = texts.steps_text(problem, coherent.direction.tolist())
     sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
     near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
@@ -171,7 +171,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         elif event.successors:
             what = f"{steps}; beyond, {contact_text(problem, event.successors)} instead"
         else:
-            what = f"{steps}; there, {event.what}"
+            what = f"{steps}{'; there,' if event.x else ':'} {event.what}"
         told.append(f"{side}: {what}")
     return told
 

@@ -575,3 +575,16 @@ def test_a_range_was_told_once_more_for_each_case_of_the_same(capsys: pytest.Cap
     assert told.count("along TX") == 1
     assert "B: range as of A" in told
     assert "C: range as of A" in told
+
+
+def test_what_ends_a_contact_without_any_motion_was_said_twice_to_be_there():
+    """A slab on a floor at the lower limit of TX: "backwards: staying there; there, the limit of TX"."""
+    slab, floor = (2.0 * np.indices((2, 2, 2)).reshape(3, 8).T - 1.0 for _ in range(2))
+    asked = {"target": (1, 1), "goal": "touch", "motion": fo.Translation("x"), "limits": {"TX": (0.0, 0.5)}}
+    movable, static = fo.Body.convex(slab + np.array([0, 0, 2])), fo.Body.convex(floor * [9, 9, 1], name="floor")
+    problem = fo.Problem(movable, static, **asked)
+    found = fo.coherent_range(problem)
+    assert (found.low, found.high) == (0.0, 0.5)
+    assert range_texts(found)[1:] == [
+        "backwards: no motion at all: the limit of TX", "forwards: move 0.5 along +x; there, the limit of TX",
+    ]  # fmt: skip

@@ -330,6 +330,16 @@ def test_nothing_heavy_is_imported_before_it_is_needed(code: str) -> None:
     assert loaded.splitlines()[-1] == "[]"
 
 
+@pytest.mark.parametrize("command", ["curve", "solve", "range", "report", "whatif", "map", "pose", "stack"])
+def test_a_slip_in_the_name_of_a_case_cost_the_loading_of_all_libraries(command: str) -> None:
+    heavy = f"print(sorted(set({HEAVY!r}) & set(sys.modules) - {{'pydantic'}}))"  # which typer loads
+    asked = [command, str(PROBLEMS / "boxes.toml"), "--case", "close the gab"]
+    code = f"import sys\nsys.argv[1:] = {asked!r}\nfrom fcdm_opt.cli import main\ntry: main()\nfinally: {heavy}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "[]\n")
+    assert done.stderr.startswith("error: --case: no such case, did you mean 'close the gap'?; found 'close the gab'; ")
+
+
 def test_every_public_name_is_there() -> None:
     assert set(fcdm_opt.__all__) <= set(dir(fcdm_opt))
     for name in fcdm_opt.__all__:

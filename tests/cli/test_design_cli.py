@@ -460,3 +460,24 @@ def test_the_range_of_an_assembly_told_first_what_another_contact_does_not_allow
     first = told.partition("made unlike: ")[2].partition("made unlike: ")[0]
     assert (code, first.startswith("all 4 contacts last at once until")) == (0, True)
     assert "key - right wedge is the first to end" in " ".join(first.split())
+
+
+@pytest.mark.parametrize("seconds", [120.0, 1e-6])
+def test_a_map_without_any_motion_gave_no_reason_and_exited_with_0(tmp_path: Path, seconds: float) -> None:
+    """A slab 2 above a floor moves along x alone; without time nothing is known. There was a table of dashes."""
+    corners = [[x, y, z] for z in (0, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    path, parts = tmp_path / "slab.toml", {"slab": [[x, y, z + 3] for x, y, z in corners], "floor": corners}
+    tables = [f'[[part]]\nname = "{name}"\nvertices = {own}\n' for name, own in parts.items()]
+    path.write_text(
+        f'{tables[0]}motion = [{{ translation = "x" }}]\n{tables[1]}[[contact]]\nparts = ["slab", "floor"]\n'
+        'goal = "touch"\n[[size]]\nname = "depth"\nbody = "slab"\nfaces = ["-z"]\ntolerance = 0.1\n'
+        '[[case]]\nname = "a"\n'
+    )
+    code, text, _ = run("map", path, "--budget", 1, "--seconds", seconds)
+    head, said = "compensation map over depth, [-0.1, 0.1]: ", " ".join(text.split())
+    why = "in the middle of them: contact slab - floor cannot be met: at the nearest pose found (TX 0) bottom face of"
+    known = f"{head}no size has a motion, {why} slab, top face of floor are 2 apart"
+    assert (known if seconds > 1 else f"{head}nothing is known of any size: the time given, ") in said
+    assert (code, "variance" in said, "nan" in said) == (1, False, False)
+    read = json.loads(run("map", path, "--seconds", seconds, "--json")[1])["files"][0]["cases"][0]["map"]
+    assert bool(read["reason"]) == (seconds > 1)

@@ -103,7 +103,8 @@ def test_each_command_with_a_document_has_its_schema_and_a_mistyped_one_is_told_
         and "--json" in {opt for own in commands.get_command(None, name).params for opt in own.opts}
     }
     assert with_document == {name for name, row in ROWS.items() if row.answers}
-    allowed = CliRunner().invoke(app, ["schema", "--what", "curv"]).stderr.partition("allowed: ")[2].strip().split(", ")
+    assert "did you mean 'curve'?" in CliRunner().invoke(app, ["schema", "--what", "curv"]).stderr
+    allowed = CliRunner().invoke(app, ["schema", "--what", "x"]).stderr.partition("allowed: ")[2].strip().split(", ")
     names = {"solve": "result", "study": "study-result"}
     assert {*allowed} >= {names.get(name, name) for name in with_document}
     ids = [json.loads(CliRunner().invoke(app, ["schema", "--what", what]).stdout)["$id"] for what in allowed]

@@ -181,6 +181,15 @@ def test_one_limit_alone_can_clash_with_the_goal():
     assert found.trials == ()
 
 
+def test_whoever_listened_heard_for_minutes_of_one_search_like_another():
+    heard = list[str]()
+    with pacing.listening(lambda text, done, total: heard.append(text)):
+        found = conflicts(touching_wall(motion=X, limits={"TX": (-1, 3)}))
+    known = [int(text.split()[3]) for text in heard if text.startswith("asking what clashes, ")]
+    assert known == sorted(known)
+    assert {0, found.solves - 1} <= {*known} <= {*range(found.solves)}
+
+
 def test_four_constraints_clash_only_all_together():
     asked = touching_wall(limits={"TX": (0, 6), "TY": (-1, 1.5)}, keep_out=[POST])
     found = conflicts(asked)

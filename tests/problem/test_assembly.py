@@ -618,7 +618,9 @@ def test_the_command_line_solves_it_and_others_say_what_they_are_about(tmp_path)
     for words in ("left wedge", "TX -0.0125", "0.06982", "exact", "yes"):
         assert words in table.stdout
     said = " ".join(table.stdout.split())
-    assert str(fo.solve(fo.load_assemblies(FILE)[0])) in said
+    verdict, amount = str(fo.solve(fo.load_assemblies(FILE)[0])).split("\n")  # of the amount nothing was printed
+    assert verdict in said
+    assert amount == "amount 0.06982 mm, proved at least 0.06982 mm, exact; verified"
     assert "base - scale 1.03 fixed -" in said
     for command in ("curve",):
         refused = run(command, FILE)
@@ -1157,3 +1159,25 @@ def test_assemblies_that_ask_the_same_are_equal() -> None:
         assert again == asked
         assert hash(again) == hash(asked)
         assert asked != asked.changed(name="another")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('parts = ["left wedge", "base"]', 'parts = ["base"]', "contact[1].parts: too few items; found ['base']"),
+        ("[[contact]]", "[contact]", "[contact] is given twice; found '[[contact]]'; allowed: [[contact]], in"),
+        ('name = "base"', 'name = "base"\nfollows = "key"', "part 'base'.follows: a fixed part follows none; found"),
+        ('name = "key"', 'name = "key"\nfollows = "kay"', "part 'key'.follows: no such part, did you mean 'key'?"),
+        ('name = "key"', 'name = "key"\nfollows = "key"', "part 'key'.follows: parts follow each other in a circle"),
+        ("scales = { key", "tolerance = 0.01 #", "requirement: not what parts are off by; found 'tolerance'"),
+    ],
+)  # fmt: skip
+def test_slips_in_a_file_of_an_assembly_were_told_without_a_line_or_as_none(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    text = FILE.read_text(encoding="utf-8")
+    (path := tmp_path / "own.toml").write_text(text.replace(old, new, 1))
+    with pytest.raises(fo.InputError) as caught:
+        fo.load_assemblies(path)
+    assert re.match(rf"{path}:\d+: ", str(caught.value))
+    assert told in str(caught.value)

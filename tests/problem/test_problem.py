@@ -406,7 +406,8 @@ def test_a_larger_gap_is_refused_with_its_size_and_the_nearest_point(gap: float,
             problem(plate_at(gap), goal=goal, **arguments)
         assert caught.value.key == "nominal"
         text = str(caught.value)
-        assert f"the gap there is {gap:.6g} " in text
+        assert f"the gap there is {gap:.6g}, " in text
+        assert "from a pose sensed: ask about the parts as drawn, and correct by transform @ inv(sensed)" in text
         nearest = text.partition("nearest to it is [")[2].partition(",")[0]
         assert float(nearest) == pytest.approx(near, rel=1e-12)
         assert "a larger snap" in text

@@ -402,14 +402,14 @@ def test_bad_file(tmp_path: Path, old: str | None, new: str, key: str | None, fo
 
 
 def test_a_syntax_error_names_the_line(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"case\.toml: not valid TOML: .*line 2"):
+    with pytest.raises(InputError, match=r"case\.toml:2: not valid TOML: .*; found 'note = oops'; allowed: "):
         load(tmp_path, 'title = "x"\nnote = oops\n')
 
 
 def test_one_pair_of_brackets_for_each_of_several_cases_was_refused_without_a_hint(
     tmp_path: Path,
 ) -> None:
-    with pytest.raises(InputError, match=r"twice .*: each case begins with \[\[case\]\], in two brackets"):
+    with pytest.raises(InputError, match=r"\[case\] is given twice; .*; allowed: \[\[case\]\], in two brackets"):
         load(tmp_path, BODIES + '[case]\nname = "A"\n[case]\nname = "B"\n')
 
 
@@ -451,8 +451,9 @@ def test_the_line_of_a_table_was_told_for_a_key_of_its_own_and_all_sizes_made_fo
 def test_a_key_of_fifty_thousand_levels_is_refused_at_once(tmp_path: Path) -> None:
     """The parser took a minute and more for it; the check is by the text, so that nothing is parsed."""
     for text in ("a." * 50_000 + "b = 1\n", f"[{'a . ' * 50_000}b]\n", "x = { " + "\"a\".'b'." * 50_000 + "c = 1 }\n"):
-        with pytest.raises(InputError, match="a key of more than 64 levels \\(at line 4\\)"):
+        with pytest.raises(InputError, match="a key of more than 64 levels") as caught:
             load(tmp_path, 'title = """\nx"""\n\n' + text)
+        assert caught.value.line == 4
     words = "a." * 500
     for text in (f'title = "{words}"\n', f"title = '{words}' # {words}\n", f'title = """\n{words}"""\n'):
         assert parsed(text) == tomllib.loads(text)

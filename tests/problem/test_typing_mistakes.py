@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -11,11 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
-from fcdm_opt.errors import InputError, closest
+from fcdm_opt.cli import app
+from fcdm_opt.cli.common import names, opened_files
+from fcdm_opt.errors import InputError, closest, name_list
 from fcdm_opt.problem.problem import SIGNS, load_problems
-from fcdm_opt.problem.syntax import mistake
+from fcdm_opt.problem.schema import known_sizes
+from fcdm_opt.problem.syntax import parsed
 
 FILE = """
 [bodies.movable]
@@ -103,48 +106,61 @@ def test_a_wrong_default_is_told_in_the_defaults_and_for_which_case(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "line", "said"),
     [
-        ("[a]\ngoal = 1\n# x\ngoal = 2\n", "goal is given twice: line 4, and before in line 2"),
+        ("[a]\ngoal = 1\n# x\ngoal = 2\n", 4, "goal is given twice, before in line 2"),
         (
             "goal = 1\n[a]\n[b]\nx = 1\ny.z = [\n  1,\n]\nx = [\n  { x = 2 },\n]\n",
-            "x is given twice: line 8, and before in line 4",
+            8,
+            "x is given twice, before in line 4",
         ),
-        ("goal = 1\r\ngoal = 2", "goal is given twice: line 2, and before in line 1"),
-        ('"a b" = 1\n"a b" = 2\n', '"a b" is given twice: line 2'),
-        ("t = 0,02\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 1"),
-        ("\nt = [0,02, 0,01]  # 1,5\n", "0,02 is written 0.02, with a decimal point, not a comma (at line 2"),
-        ("t = { a = -0,5 }\n", "-0,5 is written -0.5, with a decimal point"),
+        ("goal = 1\r\ngoal = 2", 2, "goal is given twice, before in line 1"),
+        ('"a b" = 1\n"a b" = 2\n', 2, '"a b" is given twice, before in line 1'),
+        ("[a.b]\n[b]\n[a.b]\n", 3, "[a.b] is given twice"),
+        ("t = 0,02\n", 1, "0,02 is written 0.02, with a decimal point, not a comma"),
+        ("\nt = [0,02, 0,01]  # 1,5\n", 2, "0,02 is written 0.02, with a decimal point, not a comma"),
+        ("t = { a = -0,5 }\n", 1, "-0,5 is written -0.5, with a decimal point, not a comma"),
     ],
 )
-def test_what_no_toml_is_was_said_in_the_words_of_its_reader(text: str, said: str) -> None:
-    with pytest.raises(tomllib.TOMLDecodeError) as caught:
-        tomllib.loads(text)
-    assert mistake(text, caught.value).startswith(said)
+def test_what_no_toml_is_was_said_in_the_words_of_its_reader(text: str, line: int, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        parsed(text)
+    assert caught.value.line == line
+    assert str(caught.value).startswith(f"not valid TOML: {said}; found ")
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "line", "found", "allowed"),
     [
-        "goal = touch\n",  # no quotes
-        'goal = "touch\n',
-        "t = [1,2\n",
-        "t = [1,2]]\n",
-        "t = 1 # 0,5\nu = = 0\n",
-        "[a]\n[b]\n[a]\n",
-        't = "0,02" x\n',
-        "a = { b = 1, b = 2 }\n",
-        "a = 1\na.b = 2\n",
-        "",
+        ("\ngoal = touch\n", 2, "goal = touch", '"text" in quotes, a number'),
+        ('goal = "touch\nx = 1', 1, 'goal = "touch', "a quote at the end"),
+        ("goal = 'touch", 1, "goal = 'touch", "a quote at the end"),
+        ("t = [1,2\n\n\n", 1, "t = [1,2", "] after the last"),
+        ("t = [1,2]]\n", 1, "t = [1,2]]", "one KEY = VALUE a line"),
+        ("t = [[0, 0], [1, 0]\n[bodies.static]\n", 2, "[bodies.static]", "a comma between two items"),
+        ("t = 1 # 0,5\nu = = 0\n", 2, "u = = 0", "a number as 0.5"),
+        ('t = "0,02" x\n', 1, 't = "0,02" x', "a # before what is none"),
+        ("peg width = 1", 1, "peg width = 1", "a key of several words in quotes"),
+        ("a = { b = 1,\n c = 2 }\n", 1, "a = { b = 1,", "no comma after the last one"),
+        (r'file = "C:\Users\peg.stl"', 1, r'file = "C:\Users\peg.stl"', "the text in single quotes"),
+        ("[[case]\n", 1, "[[case]", "[TABLE] or [[TABLE]]"),
+        ("t = 0." + "0" * 500 + "1 mm\n", 1, "0" * 57 + "1 mm", "numbers as 0.5"),
+        ("a = { b = 1, b = 2 }\n", 1, "a = { b = 1, b = 2 }", ""),
+        ("a = 1\na.b = 2\n", 2, "a.b = 2", ""),
     ],
 )
-def test_what_is_clear_is_left_as_it_is(text: str) -> None:
-    reason = tomllib.TOMLDecodeError("Cannot overwrite a value (at end of document)")  # for the text that is empty
-    try:
-        tomllib.loads(text)
-    except tomllib.TOMLDecodeError as found:
-        reason = found
-    assert mistake(text, reason) == str(reason)
+def test_what_no_toml_is_was_told_without_its_line_what_stands_there_and_what_may(
+    tmp_path: Path, text: str, line: int, found: str, allowed: str
+) -> None:
+    """The line is that of the text which was written; before it was "p.toml: not valid TOML: ... (at line 2, ...)"."""
+    path = tmp_path / "p.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        load_problems(path)
+    assert str(caught.value).startswith(f"{path}:{line}: not valid TOML: ")
+    assert (caught.value.line, caught.value.found) == (line, found)
+    assert allowed in caught.value.allowed
+    assert bool(allowed) == bool(caught.value.allowed)
 
 
 @pytest.mark.parametrize(
@@ -250,3 +266,75 @@ def test_numbers_of_arrays_were_told_by_their_type() -> None:
         ("np.float64(1.0)", "'np.float64(1.0)'"),
     ):
         assert str(InputError("wrong", found=found)) == f"wrong; found {told}"
+
+
+def test_names_with_commas_were_listed_as_if_they_were_two(tmp_path: Path) -> None:
+    """Two cases, "a, b" and "c", were "allowed: a, b, c"; what is listed can be typed as an option that takes names."""
+    assert name_list(["a, b", "c"]) == '"a, b", c'
+    assert names("--over", name_list(["a, b", "c"])) == ["a, b", "c"]
+    assert names("--over", "a ,b") == ["a", "b"]
+    path = tmp_path / "p.toml"
+    head, table, case = FILE.partition("[[case]]")
+    path.write_text(head + table + case.replace('"A"', '"peg, short"', 1) + table + case)
+    with pytest.raises(InputError, match=r'^--case: no such case; found .x.; allowed: "peg, short", A$'):
+        opened_files([path], ["x"], assemblies=False)
+    with pytest.raises(InputError, match=r'; allowed: "wide, left", deep$'):
+        known_sizes(["x"], "made", ["wide, left", "deep"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "told"),
+    [
+        ("tolerance = 0.02", 'tolerance = "H7"', "defaults.tolerance", "limits of a [[size]], tolerance = [LOWER, "),
+        ('[{ translation = "x" }]', '"x"', "defaults.motion", "not a list; found 'x'"),
+        ('[{ translation = "x" }]', "[]", "defaults.motion", "too few items; found []"),
+        ('{ translation = "x" }', "{ free = false }", "defaults.motion[1].free", "an unusable value; found False"),
+        (
+            '{ translation = "x" }', '{ translation = "x", rotation = "z" }', "defaults.motion[1]",
+            "several steps in one; found {'translation': 'x', 'rotation': 'z'}; allowed: a table each: "
+            "{ translation = .. }, { rotation = .. }",
+        ),
+        ("[defaults]", "[defaults]\nlimits = { TX = 1 }", "defaults.limits.TX", "not a list; found 1"),
+        ("[defaults]", "[defaults]\nlimits = [-1, 1]", "defaults.limits", "not a table; found [-1, 1]"),
+        ("[defaults]", '[defaults]\nlength = "5 mm"', "defaults.length", "not a number; found '5 mm'"),
+        ('name = "A"', "name = 3", "case[1].name", "not text in quotes; found 3"),
+        ('seed = "centroid"', 'round = "yes"', "bodies.movable.round", "not true or false; found 'yes'"),
+        (
+            'name = "A"', 'name = "A"\ngoal = "fit"', "case[1] 'A'.contacts",
+            'missing with goal "fit"; allowed: "all", or a list of labels',
+        ),
+    ],
+)  # fmt: skip
+def test_slips_were_told_in_words_of_a_library_or_of_something_else(
+    tmp_path: Path, old: str, new: str, key: str, told: str
+) -> None:
+    """ "input should be a valid tuple", "unknown free", "did you mean 'translation'?" of a step that is one."""
+    error = answer(tmp_path, old, new)
+    assert error.key == key
+    assert told in str(error)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("solve p.toml --case", "--case: its value is missing"),
+        ("solve p.toml --time abc", "--time: not a number; found 'abc'; see "),
+        ("map p.toml --jobs 0", "--jobs: too small a number; found '0'; allowed: >= 1; see "),
+        ("stack p.toml --draws 1.5", "--draws: not a whole number; found '1.5'; see "),
+        ("map p.toml --over width", "--over: not one to 6 sizes or scales: no 'width'; found ['width']; allowed: "),
+        ("map p.toml --over rho_1,rho_1", "--over: not one to 6 sizes or scales: one is given twice; found "),
+    ],
+)
+def test_options_were_refused_in_words_of_a_library_without_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, told: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.toml").write_text(FILE)
+    result = CliRunner().invoke(app, line.split())
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {told}")
+
+
+def test_other_words_for_keys_are_known() -> None:
+    for word, meant in {"sigma": "deviation", "std": "deviation", "draws": "count", "lhs": "latin hypercube"}.items():
+        assert closest(word, ["mean", "deviation", "count", "latin hypercube"]) == f", did you mean '{meant}'?"

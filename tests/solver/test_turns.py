@@ -267,3 +267,34 @@ def test_other_motions_and_goals_are_left_alone():
     about = X >> Y >> Z >> fo.Rotation("z", centre="origin")
     assert least_over_turns(task_of(one, two, about), upper=None, gap=0.1, seconds=LONG) is None
     assert turns(task_of(one, two)) is None
+
+
+@pytest.mark.parametrize("yaw", [0.0, 30.0, 45.0, 133.0])
+def test_the_amount_of_a_correction_depended_on_how_the_scene_is_turned(yaw: float) -> None:
+    """The corner of a post, sqrt(8) from its axis, meets a wall at 2.5 after 45 degrees less acos(2.5 / sqrt(8)).
+
+    Angles count by half the diagonal of its box as drawn, sqrt(16 + 16 + 100) / 2; in a scene at 45 degrees that was
+    sqrt(32 + 32 + 100) / 2, a tenth more.
+    """
+    post, wall = fo.Box((4, 4, 10), name="post"), fo.Box((2, 20, 20), centre=(3.5, 0, 0), name="wall")
+    drawn = fo.Problem(post, wall, motion=fo.Rotation("z"), target=(1, 1), goal="touch")
+    c, s, turn = np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), np.pi / 4 - np.arccos(2.5 / np.sqrt(8))
+    pose = [[c, -s, 0, 5], [s, c, 0, -3], [0, 0, 1, 1], [0, 0, 0, 1]]
+    asked = drawn.changed(movable=post.moved(pose), static=wall.moved(pose))
+    found = fo.solve(asked)
+    assert found.amount == pytest.approx(np.sqrt(33) * turn, rel=1e-9)
+    assert fo.Solution.from_dict(found.to_dict()).problem.length == pytest.approx(np.sqrt(33), rel=1e-12)
+    assert asked.changed(length=1.0).length == 1.0
+    assert drawn.changed(movable=fo.Box((4, 4, 2))).length == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_flush_contact_is_restored_from_a_pose_sensed_by_the_answer_as_drawn() -> None:
+    """As the refusal of goal "seat" says: the lid, sensed turned and .3 above, is to lie where its drawing has it."""
+    lid, box = fo.Box((4, 4, 1), centre=(0, 0, 3.5), name="lid"), fo.Box((6, 6, 6), name="box")
+    drawn = fo.Problem(lid, box, motion=fo.Free(), target=(1, 1), goal="seat")
+    c, s = np.cos(0.1), np.sin(0.1)
+    sensed = np.array([[c, 0, s, 0.2], [0, 1, 0, 0], [-s, 0, c, 0.3], [0, 0, 0, 1]])
+    with pytest.raises(fo.InputError, match=r"correct by transform @ inv\(sensed\)"):
+        drawn.changed(movable=lid.moved(sensed))
+    correction = fo.solve(drawn).transform @ np.linalg.inv(sensed)
+    assert lid.moved(sensed).moved(correction).vertices[:, 2].min() == pytest.approx(3.0, abs=1e-12)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from fcdm_opt import pacing
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST, RefinedMesh
-from fcdm_opt.design.compensation.sampling import UNDECIDED, ActiveSet, Sampler, covered
+from fcdm_opt.design.compensation.sampling import MOTIONLESS, UNDECIDED, ActiveSet, Sampler, asked, covered
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
@@ -32,10 +32,11 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import scene_of
 from fcdm_opt.problem.problem import SCALES, Problem
 from fcdm_opt.problem.scene import Scene
+from fcdm_opt.solver import solve
 
 BUDGET = 20_000
 SAMPLED, SEED = 8, 20_011  # sizes at which the judge looks at the motions
-SECONDS = 120.0
+SECONDS, LATE = 120.0, "the time given is too short to tell why"
 _FORMAT = "fcdm_opt compensation map 1"
 
 
@@ -93,11 +94,13 @@ class CompensationMap(Plain, NotebookRepr):
     known_to : tuple of str
         How well gaps are known, in words, and why, where facets of round faces or approximate parts leave more open
         than the digits of files: amounts are those of the meshes. Nothing where they are those of the true faces.
+    reason : str
+        Why no size has a motion, of those in the middle of the box. Nothing where one has, or may have.
     """
 
     plain_names: ClassVar[tuple[str, ...]] = (
         "format", "problem", "over", "box", "nominal", "error", "reached", "undecided", "solved", "seconds",
-        "stopped", "known_to", "regions", "boundaries", "table",
+        "stopped", "known_to", "reason", "regions", "boundaries", "table",
     )  # fmt: skip
     format: ClassVar[str] = _FORMAT
 
@@ -114,6 +117,12 @@ class CompensationMap(Plain, NotebookRepr):
     seconds: float
     known_to: tuple[str, ...] = ()
     stopped: str = ""
+    reason: str = ""
+
+    @property
+    def without_motion(self) -> bool:
+        """Whether it has no motion of any size: there is none, or it is not known."""
+        return all(math.isnan(region.amounts[1]) for region in self.regions)
 
     @property
     def undecided(self) -> float:
@@ -191,8 +200,13 @@ class CompensationMap(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         names = "" if self.over == SCALES else f"{' and '.join(self.over)}, "
+        head = f"compensation map over {names}{box_text(self.box)}: "
+        if all(region.kind == UNDECIDED.kind for region in self.regions):
+            return f"{head}nothing is known of any size: {self.stopped}"
+        if self.reason:
+            return f"{head}no size has a motion, in the middle of them: {self.reason}"
         return (
-            f"compensation map over {names}{box_text(self.box)}: {len(self.regions)} "
+            f"{head}{len(self.regions)} "
             f"region{'s' * (len(self.regions) != 1)}, {simplices(len(self.table), len(self.over))}, "
             f"error {self.error_text}, "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
@@ -218,7 +232,7 @@ class CompensationMap(Plain, NotebookRepr):
         """Rebuild a map from `to_dict`; raises `InputError` for anything else."""
         if not isinstance(data, Mapping) or data.get("format") != _FORMAT:
             raise InputError("not a compensation map", allowed=f"format = {_FORMAT!r}")
-        return super().from_dict({"over": SCALES, "stopped": "", **data})  # keys that older files lack
+        return super().from_dict({"over": SCALES, "stopped": "", "reason": "", **data})  # keys that older files lack
 
     def to_json(self, path: str | Path) -> None:
         """Write the whole map as JSON; the file is there as a whole or not at all."""
@@ -297,7 +311,8 @@ def compensation_map(
         mesh = RefinedMesh(sampler, error)
         mesh.refine()
         reached, stopped = _largest_error(mesh)
-    table, sets = _table(mesh)
+        table, sets = _table(mesh)
+        reason = "" if {*sets} - MOTIONLESS else pacing.in_time(_reason, problem, made.mean(axis=1), names, late=LATE)
     return CompensationMap(
         problem=_plain(problem),
         over=names,
@@ -311,8 +326,15 @@ def compensation_map(
         solved=len(sampler.known),
         seconds=perf_counter() - start,
         stopped=stopped,
+        reason=reason,
         known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
     )
+
+
+def _reason(problem: Scene, made: Array, names: Sequence[str]) -> str:
+    """Return why some sizes have no motion."""
+    solution = solve(asked(problem, made, names), effort="quick")
+    return "" if solution.usable else solution.reason or solution.status.words
 
 
 def _largest_error(mesh: RefinedMesh) -> tuple[float, str]:

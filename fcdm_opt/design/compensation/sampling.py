@@ -58,6 +58,7 @@ class ActiveSet:
 
 SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
 OUTSIDE, UNDECIDED = ActiveSet("outside the fit"), ActiveSet("undecided")
+MOTIONLESS = {NOTHING, REJECTED, OUTSIDE}
 
 
 class Sample(NamedTuple):

@@ -16,7 +16,7 @@ from keyword import iskeyword
 from typing import Any, NoReturn
 
 from fcdm_opt.design.places import Place, written
-from fcdm_opt.errors import InputError, closest, placed
+from fcdm_opt.errors import InputError, closest, known_word, placed
 from fcdm_opt.problem.arguments import LARGEST, is_real
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
@@ -168,8 +168,7 @@ class Derivation:
             key = f"parameters.{name}"
             if name in formulas:
                 raise InputError("it follows from others and cannot vary", key=key, found=formulas[name].text)
-            what = f"no such parameter{closest(name, numbers)}"
-            raise InputError(what, key=key, found=name, allowed=", ".join(numbers) or "none is given")
+            known_word(name, numbers, "no such parameter", key=key)
         spare = parameters.keys() - {name for _, formula in used for name in formula.names}
         if spare:
             name = min(spare, key=list(parameters).index)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, create_model, model_validator
 
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import known_word
 from fcdm_opt.plain import schema_of
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly_file import AssemblyFile
@@ -191,8 +191,7 @@ def json_schema(kind: str = "problem") -> dict[str, Any]:
     Of a "problem", "study" or "assembly", or a "result": what `fcdm-opt solve --json` writes. Raises `InputError` for
     another kind.
     """
-    if kind not in KINDS:
-        raise InputError("no such kind of file", key="--what", found=kind, allowed=", ".join(KINDS))
+    known_word(kind, KINDS, "no such kind of file", key="--what")
     if kind == "result":
         return result_schema("solve", {"": (Solution, AssemblySolution)})
     document = {"problem": ProblemFile, "study": StudyFile, "assembly": AssemblyFile}[kind].model_json_schema()

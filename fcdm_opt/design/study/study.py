@@ -18,7 +18,7 @@ from fcdm_opt.design.question import Question, canonical, digest, excluded, loca
 from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, YieldEntry
 from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
-from fcdm_opt.errors import InputError, checked_path, closest, known_arguments, placed
+from fcdm_opt.errors import InputError, checked_path, closest, known_arguments, name_list, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.schema import checked, read_entry
@@ -195,7 +195,7 @@ class Study:
             for k, name in enumerate(chosen, 1):
                 what = "given twice" if name in chosen[: k - 1] else f"no such case{closest(str(name), names)}"
                 if name not in names or name in chosen[: k - 1]:
-                    raise InputError(what, key=f"cases[{k}]", found=name, allowed=", ".join(names))
+                    raise InputError(what, key=f"cases[{k}]", found=name, allowed=name_list(names))
             found = tuple(found[names.index(name)] for name in chosen)
         return tuple(
             replace(question, case={key: value for key, value in question.case.items() if key not in _REFERENCES})

@@ -13,7 +13,7 @@ from typing import Any
 
 from fcdm_opt.along.sensitivity import Sensitivity
 from fcdm_opt.curve.features import Feature
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution, kept_clear_by
@@ -252,9 +252,7 @@ def without(scene: Any, names: Iterable[str]) -> Any:
     """
     known = {one.name: one for one in constraints(scene)}
     for name in dict.fromkeys(names):
-        if name not in known:
-            allowed = ", ".join(known) or "none: the problem has no constraint"
-            raise InputError("no such constraint of the problem", key="constraint", found=name, allowed=allowed)
+        known_word(name, known, "no such constraint of the problem", key="constraint")
         scene = known[name].changed(scene, known[name].most)
     return scene
 

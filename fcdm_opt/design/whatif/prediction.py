@@ -23,7 +23,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.tolerances import DEFAULT
 
 NAN = float("nan")
-HARMLESS = ("a tie: more constraints", "a tie: either of several")  # derivatives that these open are nan, the rest hold
+HARMLESS = ("more constraints", "either of several")  # derivatives that these open are nan, the rest hold
 DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resolution", "features")
 
 

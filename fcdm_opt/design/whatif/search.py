@@ -11,8 +11,9 @@ bisection finds the least.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, product
 from typing import Any, ClassVar
 
@@ -153,9 +154,11 @@ class ClashSearch:
 
     def solved(self, problem: Any, *, certify: bool = False, effort: Effort = "quick") -> Bounded:
         """Return the answer to a problem; what a motion keeps is remembered."""
-        return self._noted(solve(problem, certify=certify, effort="proved" if certify else effort))
+        return self._noted(partial(solve, problem, certify=certify, effort="proved" if certify else effort))
 
-    def _noted(self, solution: Bounded) -> Bounded:
+    def _noted(self, solving: Callable[[], Bounded]) -> Bounded:
+        with pacing.part_of(f"asking what clashes, {self.solves} answers"):
+            solution = solving()
         self.solves += 1
         if self.meets(solution):
             passed = excesses(self.problem, solution)
@@ -173,7 +176,7 @@ class ClashSearch:
         if any(names <= kept for kept in self.kept):
             return True
         if names not in self._asked and isinstance(self.problem, Problem):
-            found = self._noted(any_motion(without(self.problem, self.names - names)))
+            found = self._noted(partial(any_motion, without(self.problem, self.names - names)))
             if self.meets(found):
                 return True
             if not found.status.found:  # else a smaller one may do

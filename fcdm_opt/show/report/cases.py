@@ -181,8 +181,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
-        why = (reason.removeprefix("a tie: ") for reason in derivatives.reasons)
-        text = f"{text or 'no derivatives'}: {'; '.join(why)}"
+        text = f"{text or 'no derivatives'}: {'; '.join(derivatives.reasons)}"
     elif not known:
         text = "nothing nearby changes the amount"
     if none:

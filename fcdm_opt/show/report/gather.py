@@ -13,7 +13,7 @@ from fcdm_opt import pacing, process_pool
 from fcdm_opt.errors import InputError
 from fcdm_opt.model.mesh_error import facets_known
 from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.syntax import parsed
+from fcdm_opt.problem.syntax import contents
 from fcdm_opt.show.report.cases import ANSWERED, answered, case_report
 from fcdm_opt.show.report.families import frames_of
 from fcdm_opt.show.scene import shifts_of, view_of
@@ -199,13 +199,10 @@ def _digest(path: Path) -> str | None:
 
 def _meshes(path: Path) -> list[str]:
     """Return the mesh files that a file of a problem or an assembly names, in order; none where it cannot be read."""
-    try:
-        contents = parsed(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError):
-        return []
-    bodies = contents.get("bodies", {})
+    data = contents(path)
+    bodies = data.get("bodies", {})
     bodies = [*bodies.values()] if isinstance(bodies, dict) else []
-    tables = [*bodies, *contents.get("part", ()), *contents.get("keep_out", ())]
+    tables = [*bodies, *data.get("part", ()), *data.get("keep_out", ())]
     named = [table["file"] for table in tables if isinstance(table, dict) and isinstance(table.get("file"), str)]
     return list(dict.fromkeys(named))
 
