@@ -7,6 +7,7 @@ import subprocess
 import sys
 from base64 import b64decode
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from itertools import product
 from pathlib import Path
@@ -499,6 +500,55 @@ def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], 
     assert (step @ plane) @ (step @ page) > 0.0
     if abs(facing[2]) < 0.5:
         np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_a_small_gap_was_magnified_no_more_than_a_large_one_beside_it() -> None:
+    """A block that goes .05 along x to a wall and .005 up to a floor: ten times as much is magnified of the floor."""
+    block, corner, pose = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0), np.eye(4)
+    pose[:3, 3] = 0.05, 0.0, 0.005
+    places = ((0.0, 0.0, 0.0), np.eye(3)[2], 1), ((-1.0, 0.0, 1.0), np.eye(3)[0], 2)
+    contacts = [Touching((np.array([place]),), normal, number=k) for place, normal, k in places]
+    shown = ShownBodies.of(block.moved(np.linalg.inv(pose)), corner, transform=pose, view=(32.0, -55.0))
+    times = [
+        float(text.partition("\u00d7 ")[2])
+        for own in scene_pieces(shown, contacts=contacts).insets for text in texts(own) if "\u00d7" in text
+    ]  # fmt: skip
+    assert times[0] / times[1] == pytest.approx(10.0, rel=0.1)  # two digits are shown
+
+
+@pytest.mark.parametrize(
+    ("normal", "step", "facing"),
+    [
+        ((1.0, 0.0, 0.0), (0.2, -0.05, 0.005), (0.0, 0.0, 1.0)),  # of a wall: level
+        ((0.0, 0.0, 1.0), (0.2, -0.05, 0.005), (0.0, -1.0, 0.0)),
+        ((0.6, 0.0, 0.8), (0.1, 0.0, 0.3), (0.0, -1.0, 0.0)),  # of a slope: across it
+        ((0.6, 0.48, 0.64), (0.0, 0.8, -0.6), (-0.8, 0.36, 0.48)),  # neither is across an axis
+    ],
+)
+def test_a_wall_along_an_axis_was_cut_askew(normal: Any, step: Any, facing: Any) -> None:
+    """Cut along axes of the world wherever one lies across the normal."""
+    found, plane = section_plane(np.array(normal), np.array(step), page_directions(32.0, -55.0))
+    np.testing.assert_allclose(np.abs(found), np.abs(facing), atol=1e-12)
+    np.testing.assert_allclose(plane.T @ found, 0.0, atol=1e-12)
+
+
+def test_an_oblique_cut_did_not_say_how_it_lies() -> None:
+    """A slope whose normal is across no axis: the section is named by its own normal, on which that is 0."""
+    normal = np.array([0.48, 0.6, 0.64])
+    contact = Touching((np.zeros((1, 3)),), normal)
+    shown = ShownBodies.of(box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0), view=(32.0, -55.0))
+    shown = replace(shown, moves=(placed(np.array([0.0, 0.8, -0.6]) * 0.1 + 0.05 * normal),))
+    (told,) = [text for own in scene_pieces(shown, contacts=[contact]).insets for text in texts(own) if "seen" in text]
+    values = np.array([float(own) for own in re.findall(r"-?[\d.]+", told)])
+    assert values.shape == (3,)
+    assert values @ normal == pytest.approx(0.0, abs=0.01)
+    assert values @ values == pytest.approx(1.0, abs=0.02)
+
+
+def placed(shift: Any) -> Any:
+    pose = np.eye(4)
+    pose[:3, 3] = shift
+    return pose
 
 
 def test_facets_of_one_face_had_an_inset_each() -> None:
