@@ -83,6 +83,11 @@ class Touching(NamedTuple):
         """Whether it is one."""
         return self.kind == "overlap"
 
+    @property
+    def is_wide(self) -> bool:
+        """Whether it is a line or an area: no point."""
+        return len(self.pieces[0]) > 1
+
     def moved(self, pose: Array) -> Touching:
         """Return the same after a rigid motion, (4, 4)."""
         turn, shift = pose[:3, :3], pose[:3, 3]

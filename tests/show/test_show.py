@@ -34,6 +34,7 @@ from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show.assemblies import assembly_figure, parts_of
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
@@ -45,6 +46,7 @@ from fcdm_opt.show.scene import (
     _joined,
     body_figure,
     contacts_of,
+    numbered_contacts,
     own_polygons,
     page_directions,
     scene_figure,
@@ -549,6 +551,71 @@ def placed(shift: Any) -> Any:
     pose = np.eye(4)
     pose[:3, 3] = shift
     return pose
+
+
+def clamped(wide: float, across: float = 30.0) -> fo.AssemblySolution:
+    """A block .4 wider than drawn between a wall and a jaw, `across` from that wall in a base; a cap lies on it."""
+    blocks = [[(-40, -20, -10), (40, 20, 0)], [(-40, -20, 0), (-20, 20, 20)]]
+    blocks += [[(across - 20.0, -20, 0), (40, 20, 20)]] * (across < 40.0)
+    base = Body.from_parts([[*product(*zip(*ends, strict=True))] for ends in blocks])
+    block, cap, jaw = (
+        Body.convex([*product(*ends)])
+        for ends in (((-20, 10), (-10, 10), (0, 15)), ((-15, 5), (-8, 8), (15, 20)), ((10, 25), (-20, 20), (0, 20)))
+    )
+    jaws = {"jaw": jaw} if across >= 40.0 else {}
+    contacts = [("block", "base"), ("cap", "block"), *(("jaw", other) for other in ("block", "base") if jaws)]
+    width = fo.Size("width", "block", faces=["+x", "-x"], each=[0.5, 0.5], tolerance=1.0)
+    motion = Translation("x") >> Translation("z")
+    found = fo.solve(
+        fo.Assembly(
+            {"base": base, "block": block, "cap": cap, **jaws}, contacts, [width],
+            {part: motion for part in ("block", "cap", *jaws)}, made={"width": wide}, unit="mm",
+        )
+    )  # fmt: skip
+    assert isinstance(found, fo.AssemblySolution)
+    return found
+
+
+def test_a_contact_of_a_vise_had_no_number_and_no_cut() -> None:
+    """The block touches base and wall, both of one part, and cap and jaw, which is on the base: five places."""
+    solution = clamped(0.4, across=60.0)
+    told = texts(assembly_figure(solution))
+    assert [told.count(str(number)) for number in range(1, 7)] == [1, 1, 1, 1, 1, 0]
+    words = numbered_contacts(parts_of(solution)[1])
+    assert [own[0] for own in words] == ["1", "2", "3", "4", "5"]
+    cuts = {text.split()[1].rstrip(",") for text in told if text.startswith("contact ")}
+    assert len(cuts) == 4
+    assert all((own[0] in cuts) != own.endswith(("as in cut 1)", "in the scene alone)")) for own in words)
+
+
+def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
+    """30.4 in a slot of 30: no arrow, words, and on both sides .2 of the block in the base."""
+    solution = clamped(0.4)
+    assert not solution.usable
+    shown, overlaps = parts_of(solution)
+    assert shown.moves == ()
+    assert [own.kind for own in overlaps] == ["overlap"]
+    assert overlaps[0].across is not None
+    assert np.abs(np.diff(overlaps[0].across, axis=0)) == pytest.approx(np.array([[0.2, 0.0, 0.0]]), abs=1e-9)
+    figure = assembly_figure(solution)
+    assert {"does not fit: parts as made, not moved", "where they overlap"} <= set(texts(figure))
+    assert not [own for axes in figure.axes for own in axes.texts if getattr(own, "arrowprops", None) is MOVES]
+    refused = published(1, "B")
+    refused = Solution(**{**vars(refused), "status": Status.NOT_VERIFIED})
+    told = texts(solution_figure(refused))
+    assert "not verified: parts as made, not moved" in told
+    assert not [text for text in told if text.startswith("before")]
+
+
+def test_a_contact_that_a_cut_takes_away_lost_its_number() -> None:
+    """Of three that are hidden two are in the plane of the cut, and one is before it: a ring with its number."""
+    one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
+    spots = ((-0.5, 0.0), 1), ((0.5, 0.0), 2), ((0.0, -0.8), 3)
+    contacts = [Touching((np.array([[*place, 0.0]]),), np.eye(3)[2], number=number) for place, number in spots]
+    told = texts(scene_figure(ShownBodies.of(one, two, view=(20.0, -70.0)), contacts=contacts))
+    assert any(text.startswith("cut open") for text in told)
+    assert {"1", "2", "3"} <= set(told)
+    assert any("cut away" in text for text in told if text.startswith("dashes"))
 
 
 def test_facets_of_one_face_had_an_inset_each() -> None:
