@@ -196,7 +196,7 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
             found.append((look, to_hex(handle.get_color()), label))
         else:
             found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
-    numbered = (text.partition(" ") for text in numbered_contacts(contacts))
+    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts))
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
@@ -753,14 +753,14 @@ def contacts_of(
 def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
     """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot".
 
-    Of one that is not cut open, with the number of one that is and looks as it does.
+    No line breaks after the number. Of one that is not cut open, with the number of one that is and looks as it does.
     """
     insets, words = _magnified(contacts), dict[int, str]()
     for each in contacts:
         alike = next((f"as in cut {own.number}" for own in insets if _look_alike(own, each)), "in the scene alone")
         where = "" if any(own.number == each.number for own in insets) else f" ({alike})"
         words |= {each.number: f"{each.told}{where}"} if each.told and each.number not in words else {}
-    return [f"{number} {words[number]}" for number in words]
+    return [f"{number}\u00a0{words[number]}" for number in words]
 
 
 def _faces_shown(feature: Feature, named: tuple[Body, Body], shown: tuple[Body, Body]) -> tuple[Element, ...]:

@@ -215,7 +215,7 @@ def motion_said(solution: Solution) -> str:
 
 
 def refusal_text(solution: Bounded) -> str:
-    """Return for a picture that there is no motion to use: "does not fit: parts as made, not moved"; "" where one is."""
+    """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
     from fcdm_opt.problem.fit import verdict
 
     judged = solution.certificate is None or solution.certificate.passed

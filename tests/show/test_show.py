@@ -569,7 +569,7 @@ def clamped(wide: float, across: float = 30.0) -> fo.AssemblySolution:
     found = fo.solve(
         fo.Assembly(
             {"base": base, "block": block, "cap": cap, **jaws}, contacts, [width],
-            {part: motion for part in ("block", "cap", *jaws)}, made={"width": wide}, unit="mm",
+            dict.fromkeys(("block", "cap", *jaws), motion), made={"width": wide}, unit="mm",
         )
     )  # fmt: skip
     assert isinstance(found, fo.AssemblySolution)
