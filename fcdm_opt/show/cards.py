@@ -69,8 +69,8 @@ class Card(NamedTuple):
     Below its title is a sentence, `said`, then facts, (name, value) or (name, value, unit), of which those without a
     value are left out, tables, (heads, lines), and lists of lines by name; of each table and list `most` lines are
     shown, and how many more there are is said. `state` is in a badge beside the title, with a sign before it that tells
-    the mood: "good", "bad", "mind" or "". Facts that are `struck` the judge refused. The picture is beside all that, or below it where the page is narrow; `told`
-    is what it shows, for who cannot see it.
+    the mood: "good", "bad", "mind" or "". Facts that are `struck` the judge refused. The picture is beside all that, or
+    below it where the page is narrow; `told` is what it shows, for who cannot see it.
     """
 
     title: str

@@ -83,7 +83,7 @@ def page(payload: Data) -> str:
 
 
 def _shared_stacks(cases: Sequence[Data]) -> dict[int, Data]:
-    """Return by the numbers of cases the stack-ups that several have, each with its identifier and these cases' names."""
+    """Return by the numbers of cases the stack-ups that several have, each with an identifier and the cases' names."""
     known = list[tuple[Data, list[int]]]()
     for number, case in enumerate(cases):
         own = {key: value for key, value in (case["stack"] or {}).items() if key != "chart"}
@@ -93,11 +93,10 @@ def _shared_stacks(cases: Sequence[Data]) -> dict[int, Data]:
         elif "worst" in own:
             known.append((own, [number]))
     shared = dict[int, Data]()
-    for own, numbers in known:
-        if len(numbers) > 1:
-            names = texts.listed([cases[number]["name"] for number in numbers]) * (len(numbers) < len(cases))
-            stack = {**own, "chart": cases[numbers[0]]["stack"]["chart"], "id": f"stack-{numbers[0]}", "cases": names}
-            shared |= dict.fromkeys(numbers, stack)
+    for _, numbers in (each for each in known if len(each[1]) > 1):
+        names = texts.listed([cases[number]["name"] for number in numbers]) * (len(numbers) < len(cases))
+        stack = {**cases[numbers[0]]["stack"], "id": f"stack-{numbers[0]}", "cases": names}
+        shared |= dict.fromkeys(numbers, stack)
     return shared
 
 
@@ -121,7 +120,7 @@ def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     titles = [file["title"] or file["file"] for file in files]
     of = {number: file for file in files for number in file["cases"]}
     firsts = ((file["file"], cases[file["cases"][0]]) for file in files if file["cases"])
-    stacks = [(file, own) for file, case in firsts for own in case["stacks"]]  # of parts as drawn: alike for all of a file
+    stacks = [(file, own) for file, case in firsts for own in case["stacks"]]  # as drawn: alike for all of a file
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
