@@ -216,7 +216,8 @@ def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
     if not refused:
         return ShownBodies.of_parts(bodies, names, poses), touching(solution)
     moving = [k for k, part in enumerate(assembly.parts) if part in assembly.motions]
-    return ShownBodies.of_parts(bodies, names), overlapping(bodies, names, moving)
+    named = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
+    return ShownBodies.of_parts(bodies, names), overlapping(bodies, named, moving)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
