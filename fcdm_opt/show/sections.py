@@ -244,16 +244,15 @@ def draw_section(
     (movable, blue), (static, _) = solids
     bodies, middle, back = (movable, static), contact.middle, np.linalg.inv(moved)
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
-    facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
-    long, closed = float(np.linalg.norm(step @ plane)), abs(float(step @ contact.normal))
+    long, closed = float(np.linalg.norm(step)), abs(float(step @ contact.normal))
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
     wide = deep or (closed if closed > DEFAULT.touch * size else long)
     half = min(STEPS * wide, LARGEST * size) if wide > 1e-9 * size else STILL * size
+    facing, plane, cuts = _cut_through(bodies, contact, step, page, half)
     axes = sheet.axes(*corner, INSET, INSET)
     borders = list[Array]()
-    for body, colour in reversed(solids):
-        polygons = [own[[*range(len(own)), 0]] for own in section(body, middle, facing, plane, 1.5 * half)]
+    for (_, colour), polygons in zip(reversed(solids), reversed(cuts), strict=True):
         borders += polygons
         if cut := [Path(own, closed=True) for own in polygons]:
             whole = Path.make_compound_path(*cut)
@@ -289,6 +288,26 @@ def draw_section(
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
     return facing
+
+
+def _cut_through(
+    bodies: Sequence[Body], contact: Touching, step: Array, page: Array, half: float
+) -> tuple[Array, Array, list[list[Array]]]:
+    """Return the direction of a section, its plane and closed outlines in it of each body.
+
+    Where one of them is not to be seen so near to the contact, as at a corner, across that section if both are there.
+    """
+    found, along = list[tuple[Array, Array, list[list[Array]]]](), step
+    for _ in range(2):
+        facing, plane = section_plane(contact.normal, along, page)
+        sections = (section(body, contact.middle, facing, plane, 1.5 * half) for body in bodies)
+        cuts = [[own[[*range(len(own)), 0]] for own in loops] for loops in sections]
+        window = [[-half, half]] * 2
+        if all(any(clipped(np.stack([own[:-1], own[1:]], axis=1), window)[1].any() for own in each) for each in cuts):
+            return facing, plane, cuts
+        found.append((facing, plane, cuts))
+        along = facing
+    return found[0]
 
 
 def _side(facing: Array) -> str:

@@ -54,7 +54,7 @@ from fcdm_opt.show.scene import (
     sharp_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
+from fcdm_opt.show.sections import CORNER, Cut, Touching, draw_section, free_corner, section, section_plane
 from fcdm_opt.show.stacks import faces_figure
 from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
@@ -532,6 +532,17 @@ def test_a_wall_along_an_axis_was_cut_askew(normal: Any, step: Any, facing: Any)
     found, plane = section_plane(np.array(normal), np.array(step), page_directions(32.0, -55.0))
     np.testing.assert_allclose(np.abs(found), np.abs(facing), atol=1e-12)
     np.testing.assert_allclose(plane.T @ found, 0.0, atol=1e-12)
+
+
+def test_a_cut_through_a_corner_showed_one_part_alone() -> None:
+    """A tip at the origin, above which its part is: level, as wall and motion lie, a plane meets nothing of it."""
+    tip = Body.convex([(0.0, 0.0, 0.0), (2.0, -0.5, 1.0), (2.0, 0.5, 1.0), (2.0, 0.0, 2.0)])
+    contact = Touching((np.zeros((1, 3)),), np.eye(3)[0])
+    solids = [(tip, "#0072B2"), (box((-1.0, 0.0, 0.0), 2.0), "#D55E00")]
+    page, sheet = page_directions(32.0, -55.0), Sheet.of(2.0, 2.0)
+    facing = draw_section(sheet, (0.0, 0.0), solids, contact, placed((0.05, 0.05, 0.0)), page, 1.0, "")
+    np.testing.assert_allclose(facing, [0.0, -1.0, 0.0], atol=1e-12)
+    assert {to_hex(own.get_facecolor()[:3]) for own in sheet.figure.axes[0].patches} >= {"#0072b2", "#d55e00"}
 
 
 def test_an_oblique_cut_did_not_say_how_it_lies() -> None:
