@@ -808,7 +808,7 @@ def test_pictures_for_dark_pages_stand_light_on_dark(tmp_path: Path) -> None:
 def test_contacts_were_numbered_that_nothing_told() -> None:
     """The sentence names three of six, so that numbers 4 to 6 stood in the picture alone."""
     told = " ".join(texts(solution_figure(solved("locating", "A"), caption="then{sizes}")))
-    assert re.findall(r"[:;]\s(\d) (\w+) face of\s+block", told) == [
+    assert re.findall(r"[:;]\s(\d)\u00a0(\w+) face of\s+block", told) == [
         ("1", "bottom"), ("2", "bottom"), ("3", "bottom"), ("4", "front"), ("5", "front"), ("6", "left")
     ]  # fmt: skip
     assert {"1", "2", "3", "4", "5", "6"} <= set(texts(solution_figure(solved("locating", "A"))))
