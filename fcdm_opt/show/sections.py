@@ -14,7 +14,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.facet_errors import deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.facets import nearest_of_surfaces
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.polygons import distances, fans
@@ -97,12 +97,12 @@ class Touching(NamedTuple):
 
     @classmethod
     def overlap(cls, movable: Body, static: Body) -> Touching | None:
-        """Return what bodies as they are shown have in common, None where that is nothing."""
+        """Return what bodies as they are shown have in common, None where that is nothing, or may be their facets'."""
         solids = PlacedSolids(movable, static, np.ones(2), np.eye(4))
         pieces = solids.common()
         across = solids.deep_in(pieces) + static.seed if pieces else np.zeros((2, 3))
         depth = float(np.linalg.norm(across[1] - across[0]))
-        if not depth > DEFAULT.touch * solids.size:
+        if not depth > DEFAULT.touch * solids.size + gaps_off(movable, [static])[0]:
             return None
         surface = [static.seed + triangle for corners, rows in pieces for triangle in corners[rows]]
         return cls(tuple(surface), (across[1] - across[0]) / depth, across, kind="overlap")

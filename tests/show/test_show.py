@@ -618,6 +618,23 @@ def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
     assert not [text for text in told if text.startswith("before")]
 
 
+def test_overlaps_of_facets_were_drawn_of_round_parts_that_have_a_play() -> None:
+    """A pin of 20 in a bore of 20.02, whose facets stand out of either; of 20.6 it is .29 in the bore all around."""
+    bored = fo.cut(fo.Box((40.0, 40.0, 10.0)), fo.Cylinder(10.01, 20.0))
+    loose, tight = (fo.Cylinder(radius, 12.0).moved(turned(7.0)) for radius in (10.0, 10.3))
+    assert Touching.overlap(loose, bored) is None
+    found = Touching.overlap(tight, bored)
+    assert found is not None
+    assert found.across is not None
+    assert 0.2 < np.linalg.norm(np.diff(found.across, axis=0)) < 0.4  # of facets
+
+
+def turned(degrees: float) -> Any:
+    pose, angle = np.eye(4), np.radians(degrees)
+    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return pose
+
+
 def test_a_contact_that_a_cut_takes_away_lost_its_number() -> None:
     """Of three that are hidden two are in the plane of the cut, and one is before it: a ring with its number."""
     one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
