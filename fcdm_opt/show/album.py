@@ -21,7 +21,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
-from fcdm_opt.show.verdict import motion_said, verdict_text
+from fcdm_opt.show.verdict import motion_said, refusal_text, verdict_text
 
 LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
@@ -118,24 +118,24 @@ def solution_figure(
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
     if told := scene.numbered_contacts(drawn["contacts"]):
         caption += f"\ncontacts: {'; '.join(told)}"
-    said = motion_said(solution) if moved else ""
-    return scene.scene_figure(**drawn, said=said, title=title, caption=caption)
+    return scene.scene_figure(**drawn, title=title, caption=caption)
 
 
 def solution_pieces(solution: Solution) -> scene.ScenePieces:
-    """Draw the same in pieces, for a report."""
-    return scene.scene_pieces(**_drawn(solution, None)[0])
+    """Draw the same in pieces, for a report, which has the motion in words."""
+    drawn, _ = _drawn(solution, None)
+    return scene.scene_pieces(**drawn | {"said": refusal_text(solution)})
 
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
     """Return what is drawn of an answer, and at which sizes."""
     problem = solution.problem.reformulated
     rho, transform = problem.nominal_pair if solution.rho is None else solution.rho, solution.transform
-    overlap = None
-    if transform is None or solution.status.name == "OUTSIDE_FIT":  # why there is no motion to use
-        at_rest = problem.movable.scaled(solution.pair[0]), problem.static.scaled(solution.pair[1])
-        if (overlap := pacing.in_time(Touching.overlap, *at_rest, late=None)) is not None:
-            rho, transform = solution.pair, None
+    overlap, refused = None, refusal_text(solution)
+    if refused:  # why there is no motion to use
+        rho, transform = solution.pair, None
+        at_rest = problem.movable.scaled(rho[0]), problem.static.scaled(rho[1])
+        overlap = pacing.in_time(Touching.overlap, *at_rest, late=None)
     moved = problem.curve_after(transform, rho)
     keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
     if view is None:  # with sizes by name there may be no nominal contact
@@ -149,4 +149,5 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, counted, problem)
     if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
         contacts = [gap]
-    return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho
+    said = refused or (motion_said(solution) if shown.moves else "")
+    return {"shown": shown, "contacts": contacts, "said": said, "unit": problem.unit}, rho

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,11 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.show import Figure, texts
 from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
-from fcdm_opt.show.scene import VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
+from fcdm_opt.show.scene import MOST_INSETS, VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.verdict import EXACT, barring, instruction_text, verdict_text
+from fcdm_opt.show.verdict import EXACT, barring, instruction_text, refusal_text, verdict_text
 
 NUMBERS = ("amount", "total", "proved\nat least")
 
@@ -168,43 +169,73 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
 
 
 def touching(solution: AssemblySolution) -> list[Touching]:
-    """Return what touches after the motions, and gaps, in the world, with numbers of contacts; none without motions."""
+    """Return what touches after the motions, and gaps, in the world, with numbers of contacts; none without motions.
+
+    Of two parts that touch at several places each has its number, of a few.
+    """
     found, asked, rows = list[Touching](), solution.assembly.contacts, [*solution.assembly.parts]
-    for number, (pair, own) in enumerate(zip(asked, solution.contacts, strict=False), 1):
+    for pair, own in zip(asked, solution.contacts, strict=False):
         if own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
         rho = own.pair if own.rho is None else own.rho
         shown = ShownBodies.of(problem.movable, problem.static, rho=rho, transform=own.transform, view=VIEW)
         curve = problem.curve_after(own.transform, rho)
-        met = contacts_of(curve, rho, shown, own.features)
-        for one in met or filter(None, [Touching.gap(curve, rho, *shown.bodies)]):
-            both = rows.index(pair.one), rows.index(pair.two)
-            found.append(one.moved(pose)._replace(number=number, told=str(pair), pair=both))
+        met = contacts_of(curve, rho, shown, own.features, problem)
+        met = met or [*filter(None, [Touching.gap(curve, rho, *shown.bodies)])]
+        several, first = [*dict.fromkeys(one.number for one in met)], max((one.number for one in found), default=0) + 1
+        few, both = 1 < len(several) <= MOST_INSETS, (rows.index(pair.one), rows.index(pair.two))
+        for one in met:
+            number, label = (first + several.index(one.number), one.told) if few else (first, str(pair))
+            found.append(one.moved(pose)._replace(number=number, told=label, pair=both))
     return found
+
+
+def overlapping(bodies: Sequence[Body], names: Sequence[str], moving: Sequence[int]) -> list[Touching]:
+    """Return where bodies overlap, of which one moves at least; numbered by pairs where several do."""
+    found = [
+        one._replace(pair=pair)
+        for pair in combinations(range(len(bodies)), 2)
+        if not set(pair).isdisjoint(moving)
+        and (one := pacing.in_time(Touching.overlap, *(bodies[k] for k in pair), late=None)) is not None
+    ]
+    several = len(found) > 1
+    return [
+        one._replace(number=number * several, told=" - ".join(names[k] for k in one.pair) * several)
+        for number, one in enumerate(found, 1)
+    ]
 
 
 ARROWS = "where each part goes, with what carries it (not to scale)"  # what arrows of its picture tell
 
 
 def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
-    """Return the parts as made, after their motions, and what touches then; unmoved where none were found."""
-    assembly, bodies = solution.assembly, list[Body]()
-    poses: list[Any] = [solution.transforms.get(part) for part in assembly.parts]
+    """Return the parts as made, after their motions, and what touches then; unmoved where none are to be used.
+
+    Then with what overlaps.
+    """
+    assembly, bodies, refused = solution.assembly, list[Body](), refusal_text(solution)
+    poses: list[Any] = [None if refused else solution.transforms.get(part) for part in assembly.parts]
     for pose, (part, body) in zip(poses, assembly.bodies_made.items(), strict=True):
         made = body.scaled(assembly.scales[part])
         bodies.append(made if pose is None else made.moved(pose))
     bodies += [keep_out.body for keep_out in assembly.keep_out]
     names = [f"{part}, fixed" if part in assembly.fixed else part for part in assembly.parts]
     names += [f"{keep_out.name}, keep-out" for keep_out in assembly.keep_out]
-    return ShownBodies.of_parts(bodies, names, poses), touching(solution)
+    if not refused:
+        return ShownBodies.of_parts(bodies, names, poses), touching(solution)
+    moving = [k for k, part in enumerate(assembly.parts) if part in assembly.motions]
+    named = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
+    return ShownBodies.of_parts(bodies, names), overlapping(bodies, named, moving)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
-    """Draw the parts as made, after their motions; unmoved where none were found."""
-    shown, contacts = parts_of(solution)
-    state = f"after these motions; arrows: {ARROWS}" if solution.status.found else "as made, not moved"
+    """Draw the parts as made, after their motions; unmoved where none are to be used."""
+    (shown, contacts), refused = parts_of(solution), refusal_text(solution)
+    state = "as made, not moved" if refused else f"after these motions; arrows: {ARROWS}"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
     if numbered := numbered_contacts(contacts):
-        caption += f"\ncontacts: {'; '.join(numbered)}"
-    return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)
+        caption += f"\n{'overlaps' if refused else 'contacts'}: {'; '.join(numbered)}"
+    return scene_figure(
+        shown, contacts=contacts, said=refused, unit=solution.assembly.unit, title=title, caption=caption
+    )

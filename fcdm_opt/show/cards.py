@@ -69,8 +69,8 @@ class Card(NamedTuple):
     Below its title is a sentence, `said`, then facts, (name, value) or (name, value, unit), of which those without a
     value are left out, tables, (heads, lines), and lists of lines by name; of each table and list `most` lines are
     shown, and how many more there are is said. `state` is in a badge beside the title, with a sign before it that tells
-    the mood: "good", "bad", "mind" or "". The picture is beside all that, or below it where the page is narrow; `told`
-    is what it shows, for who cannot see it.
+    the mood: "good", "bad", "mind" or "". Facts that are `struck` the judge refused. The picture is beside all that, or
+    below it where the page is narrow; `told` is what it shows, for who cannot see it.
     """
 
     title: str
@@ -82,6 +82,7 @@ class Card(NamedTuple):
     mood: str = ""
     picture: Figure | None = None
     told: str = ""
+    struck: Sequence[str] = ()
     most: int = LISTED
 
     @property
@@ -200,6 +201,7 @@ def solution_card(solution: Solution) -> Card:
         lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
         state=solution.status.words,
         mood=mood_of(solution),
+        struck=_struck(solution, facts),
         picture=before_after_figure(problem, solution),
         told="decision curve before and after the motion, nominal pair and pair made",
     )
@@ -240,9 +242,16 @@ def assembly_card(solution: AssemblySolution) -> Card:
         lists={"settled by": solution.stages},
         state=solution.status.words,
         mood=mood_of(solution),
+        struck=_struck(solution, facts),
         picture=assembly_figure(solution),
-        told="the parts after their motions",
+        told="the parts after their motions" if solution.usable else "the parts as made",
     )
+
+
+def _struck(solution: Bounded, facts: Sequence[Fact]) -> list[str]:
+    """Return the names of facts about a motion that the judge refused."""
+    known = "pair made", "verified", "settled by", "time"
+    return [name for name, *_ in facts if solution.status.name == "NOT_VERIFIED" and name not in known]
 
 
 def mood_of(solution: Bounded) -> str:
@@ -413,7 +422,14 @@ def best_pose_card(best: BestPose) -> Card:
     facts += [("outside the fit", "yes", "limits would keep the part in")] * best.leaves_fit
     refused = best.status in (NONE, UNDECIDED) or not best.passed or best.leaves_fit
     mood = "bad" if refused else "good" if best.certified else "mind"
-    return Card("Best pose for all sizes", facts=facts, state=best.status, mood=mood)
+    return Card(
+        "Best pose for all sizes",
+        said=best.refusal,
+        facts=facts,
+        state=best.status,
+        mood=mood,
+        struck=[name for name, *_ in facts if best.refusal and name != "confirmed"],
+    )
 
 
 def clearances_card(clearances: Clearances) -> Card:

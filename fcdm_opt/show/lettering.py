@@ -116,7 +116,7 @@ def rounded_down(size: float) -> float:
 def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = "") -> list[str]:
     """Return a text in lines no wider than so many inches, the further ones indented by `hang` more.
 
-    Lines break at spaces, words that are too long behind commas, or anywhere.
+    Lines break at spaces that are not no-break spaces, words that are too long behind commas, or anywhere.
     """
     from matplotlib.font_manager import FontProperties
 
@@ -131,7 +131,7 @@ def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = 
     for given in text.split("\n"):
         indent = given[: len(given) - len(given.lstrip())]
         line = indent
-        for word in re.findall(r"\S+\s*", given):
+        for word in re.findall(r"[\S\u00a0]+[^\S\u00a0]*", given):
             pieces = [word] if fits(indent + word) else re.findall(r"[^,;]*[,;]+\s*|[^,;]+", word)
             for piece in pieces if all(fits(indent + piece) for piece in pieces) else list(word):
                 if line.strip() and not fits(line + piece):

@@ -78,9 +78,13 @@ class Raster:
 
     def share_seen(self, points: Sequence[Array]) -> float:
         """Return the share of points that no surface hides."""
+        return float(np.mean(self.seen(points)))
+
+    def seen(self, points: Sequence[Array]) -> Flags:
+        """Tell which of some points no surface hides."""
         from scipy.ndimage import minimum_filter
 
-        return float(np.mean(self._seen(np.array(points), minimum_filter(self._depth, 3))))
+        return self._seen(np.array(points), minimum_filter(self._depth, 3))
 
     def _seen(self, points: Array, behind: Array) -> Flags:
         """Tell which points (m, 3) no surface hides, by depths to compare with."""

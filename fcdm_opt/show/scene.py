@@ -24,11 +24,14 @@ from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.contact_faces import with_whole_faces
-from fcdm_opt.show.lettering import Names, Sheet, fitted, literal, rounded_down
+from fcdm_opt.show.lettering import BADGE, Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of, touching
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.tolerances import DEFAULT
+
+REFUSED = "#A33F00"
+"""Of words that there is no motion to use, 6 to 1 on the light ground that they have in any colour scheme."""
 
 ALONE, VIEW = 2.6, (27.0, -54.0)
 """Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
@@ -46,8 +49,8 @@ ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "col
 OLD: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes; looks of its old place."""
 
-COLOURS: tuple[str, ...] = (VERMILLION, BLUE, PURPLE, ORANGE, GREY, GREEN)
-"""Of parts of an assembly, one after the other."""
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, GREY, PURPLE, GREEN)
+"""Of parts of an assembly, one after the other: last those of overlaps and of contacts."""
 
 MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
@@ -72,7 +75,7 @@ MOST_LOOKED_AT, MOST_RAYS = 60, 1000  # vertices of body 1, and rays at parts, t
 VEIL, EDGE_ON = 0.3, 0.01
 """How much of its colour a contact area has, which a body in front may hide; cosine of one that is seen as a line."""
 
-OVERLAP, CUT, HIDDEN = "where they overlap", "cut open", "dashes, rings: hidden by a part"
+OVERLAP, CUT, HIDDEN = "where they overlap", "cut open", "dashes, rings: hidden by a part, or cut away"
 KINDS = {"contact": "in contact", "overlap": OVERLAP, "gap": "where the gap is least"}
 """What the key calls these, and how it begins to tell where bodies are cut."""
 
@@ -83,10 +86,15 @@ TANGENT, SMOOTH = 0.93, 0.99
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge; the same
 where one is known to be round, and how it is turned there."""
 
+INNER = (0.0, 0.5, -0.5)
+"""Where on a piece of a contact its number may stand: shares from the middle to a corner."""
+
 LEAST_SEEN, MOST_LED = 1.5, 16
 """Pixels from the middle of a face to its outline from which on it is seen; numbers in a panel that lines lead to."""
 
-MOST_INSETS, ALIKE = 2, 0.999  # contacts that are magnified; cosine between normals of those that look alike
+MOST_INSETS, BELOW, ALIKE = 4, 2, 0.999
+"""Contacts that are magnified; more than so many stand in a row below the scene; cosine between normals of those that
+look alike."""
 
 
 @styled
@@ -102,25 +110,27 @@ def scene_figure(
     """Draw bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
     `contacts`, what touches, are magnified in insets. The old places of bodies that moved are drawn in dashes, as many
-    times as far off as the legend says; the motion of body 1 is in words above where it is `said`. The unit of lengths
-    stands at the bar of known length.
+    times as far off as the legend says; the motion of body 1 is in words above where it is `said`, or why there is none
+    to use. The unit of lengths stands at the bar of known length.
     """
     insets = _magnified(contacts)
-    beside = INSET + 0.15 if insets else 0.0
+    below, pitch = len(insets) > BELOW, INSET + 0.45
+    column = INSET + 0.15 if insets and not below else 0.0
     lines = sum(1 + len(label) // LETTERS for *_, label in shown.solids)
     rows = 1 + lines + 2 * bool(contacts) + 2 * bool(shown.moves)
     foot = max(FOOT, 0.16 * rows)
-    wide = PAGE - beside if insets else 0.72 * PAGE
+    wide = PAGE - column if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    height = max(height + 0.16 * bool(said), len(insets) * (INSET + 0.45) - foot)
-    sheet = Sheet.of(wide + beside, height + foot, title=title, caption=caption)
-    axes = draw_scene(sheet, (0.0, foot, wide, height), shown, contacts=contacts, said=said)
+    height = max(height + 0.16 * bool(said), 0.0 if below else len(insets) * pitch - foot)
+    sheet = Sheet.of(wide + column, height + foot + pitch * below, title=title, caption=caption)
+    axes = draw_scene(sheet, (0.0, foot + pitch * below, wide, height), shown, contacts=contacts, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     inch, page = _inches_a_length(axes), page_directions(*shown.view)
     for k, contact in enumerate(insets):
-        top = sheet.size[1] - k * (INSET + 0.45) - 0.12
-        draw_section(sheet, (wide + 0.05, top - INSET), *shown.met(contact), page, inch, unit)
+        top = sheet.size[1] - k * pitch - 0.12 - INSET
+        corner = (0.06 + k * PAGE / MOST_INSETS, foot + 0.25) if below else (wide + 0.05, top)
+        draw_section(sheet, corner, *shown.met(contact), page, inch, unit)
     return sheet.figure
 
 
@@ -155,11 +165,13 @@ class ScenePieces(NamedTuple):
 
 
 @styled
-def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit: str = "") -> ScenePieces:
+def scene_pieces(
+    shown: ShownBodies, *, contacts: Sequence[Touching] = (), said: str = "", unit: str = ""
+) -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE))
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN + 0.25 * bool(said), LEAST, WIDE))
     sheet = Sheet.of(WIDE, height + LOW)
-    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, said=said)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
@@ -184,20 +196,29 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
             found.append((look, to_hex(handle.get_color()), label))
         else:
             found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
-    numbered = (text.partition(" ") for text in numbered_contacts(contacts))
+    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts))
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
 def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts that get an inset, one of those of a pair that look alike or are facets of one face."""
+    """Return the contacts that get an inset, one of each number, in order: of many first those that look unlike.
+
+    Of these the first of each two bodies.
+    """
     insets: list[Touching] = []
     for contact in contacts:
-        others = (own for own in insets if own.pair == contact.pair)
-        if all(
-            abs(float(contact.normal @ own.normal)) < ALIKE and contact.number not in (0, own.number) for own in others
-        ):
+        if all(own.pair != contact.pair or contact.number not in (0, own.number) for own in insets):
             insets.append(contact)
-    return insets[:MOST_INSETS]
+    ranks = [
+        (any(_look_alike(own, other) for other in insets[:k]), sum(other.pair == own.pair for other in insets[:k]), k)
+        for k, own in enumerate(insets)
+    ]
+    return [insets[k] for k in sorted(k for *_, k in sorted(ranks)[:MOST_INSETS])]
+
+
+def _look_alike(one: Touching, two: Touching) -> bool:
+    """Tell whether contacts are of the same bodies, and across the same direction."""
+    return one.pair == two.pair and abs(float(one.normal @ two.normal)) >= ALIKE
 
 
 def _inches_a_length(axes: Any) -> float:
@@ -346,7 +367,7 @@ def draw_scene(
         place, dashes = _draw_old(axes, raster, shown, k, old, cut)
         steps = (old.vertices - shown.solids[k][0].vertices) @ page
         if shown.named is not None:
-            arrow = _draw_arrow(axes, [raster, place], shown, old, said)
+            arrow = _draw_arrow(axes, [raster, place], shown, old)
             _name_old(axes, raster, dashes, steps, arrow, [each.middle @ page for each in contacts])
         elif k in places and np.linalg.norm(flat := -steps.mean(axis=0)) > 0.0:
             half = flat / np.linalg.norm(flat) * ARROW / 2.0 / _inches_a_length(axes)
@@ -358,6 +379,12 @@ def draw_scene(
         axes.plot([], [], color=colour, label=f"before the motion: {parts}{far}", **OLD)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, cut, arrows)
+    if said:
+        width = axes.get_position().width * axes.figure.get_figwidth()
+        lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
+        look: dict[str, Any] = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
+        look |= {} if before else {"color": REFUSED, "weight": "bold", "bbox": {**BADGE, "edgecolor": REFUSED}}
+        axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
     return axes
 
 
@@ -486,8 +513,8 @@ def _joined(pieces: Iterable[Array], size: float) -> list[Array]:
     return [np.array(line) for line in lines.values()]
 
 
-def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Body, said: str) -> Array:
-    """Draw the motion as an arrow beside body 1, clear of all that is drawn, and say it in words above them.
+def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Body) -> Array:
+    """Draw the motion as an arrow next to body 1, clear of all that is drawn.
 
     Returns points along it.
     """
@@ -519,11 +546,6 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Bod
         turn = float((arms[:, 0] * steps[:, 1] - arms[:, 1] * steps[:, 0]).sum())
         style["connectionstyle"] = f"arc3,rad={0.35 if turn > 0.0 else -0.35}"  # it turns that way
     axes.annotate("", tip, start, arrowprops=style, annotation_clip=False, zorder=6)
-    if said:
-        width = axes.get_position().width * axes.figure.get_figwidth()
-        lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
-        look = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
-        axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
     return np.linspace(start, tip, 6)
 
 
@@ -535,6 +557,7 @@ def _draw_contacts(
     Points and lines that a body hides are rings and dashes.
     """
     toward, solid, hides = np.cross(page[:, 0], page[:, 1]), dict[str, list[Array]](), False
+    rings, gone = {"facecolors": "none", "linewidths": 1.2, "zorder": 5}, dict[int, Array]()
     if cut is not None:  # of areas lines are seen, of lines points
         met = [[] if each.is_overlap else cut.met(each.pieces) for each in contacts]
         opened = {each.number for own, each in zip(met, contacts, strict=True) if own}
@@ -543,6 +566,8 @@ def _draw_contacts(
             for own, each in zip(met, contacts, strict=True)
         ]
         seen = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
+        kept = {0, *(each.number for each in seen)}
+        gone = {each.number: each.middle for each in contacts if seen and each.number not in kept}
         contacts = seen or contacts
     for contact, corners in ((each, piece) for each in contacts for piece in each.pieces):
         flat, look = corners @ page, {"color": contact.colour, "zorder": 5}
@@ -560,17 +585,25 @@ def _draw_contacts(
             axes.scatter(*flat.T, s=34, edgecolors="white", linewidths=0.8, **look)
         else:
             hides = True
-            axes.scatter(*flat.T, s=26, facecolors="none", linewidths=1.2, edgecolors=contact.colour, zorder=5)
+            axes.scatter(*flat.T, s=26, edgecolors=contact.colour, **rings)
     for kind, colour in {each.kind: each.colour for each in contacts}.items():
         _draw_areas(axes, raster.empty(), solid.get(kind, []), colour)
         axes.scatter([], [], s=40, marker="s", color=colour, label=KINDS[kind])
-    if hides:
+    for place in gone.values():
+        axes.scatter(*(place @ page), s=26, edgecolors=contacts[0].colour, **rings)
+    if hides or gone:
         axes.plot([], [], color=contacts[0].colour, linestyle=(0, (2, 1.5)), linewidth=1.2, label=HIDDEN)
-    names, places = Names(axes), {each.number: each.middle @ page for each in contacts if each.number}
-    for place in (*places.values(), *clear):
+    names, places = Names(axes), {number: [place] for number, place in gone.items()}
+    for each in contacts:
+        inner = [own.mean(axis=0) + share * (own[0] - own.mean(axis=0)) for share in INNER for own in each.pieces]
+        places.setdefault(each.number, []).extend([each.middle, *inner] if each.is_wide else [each.middle])
+    points = [own.middle @ page for own in contacts if not own.is_wide]
+    for place in (*points, *(place @ page for place in gone.values()), *clear):
         names.keep(place, 6.0)
-    for number, place in places.items():
-        names.put(str(number), place, (0.0, 1.0), colour=LINE, badge=True)
+    for number, spots in places.items():
+        if number:
+            order = np.argsort(~raster.seen(spots[:MOST_LOOKED_AT]), kind="stable")
+            names.put(str(number), np.array(spots)[order] @ page, (0.0, 1.0), colour=LINE, upon=True, badge=True)
 
 
 def _draw_areas(axes: Any, areas: Raster, solid: Sequence[Array], colour: str) -> None:
@@ -718,8 +751,16 @@ def contacts_of(
 
 
 def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
-    """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot"."""
-    return [*dict.fromkeys(f"{each.number} {each.told}" for each in contacts if each.told)]
+    """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot".
+
+    No line breaks after the number. Of one that is not cut open, with the number of one that is and looks as it does.
+    """
+    insets, words = _magnified(contacts), dict[int, str]()
+    for each in contacts:
+        alike = next((f"as in cut {own.number}" for own in insets if _look_alike(own, each)), "in the scene alone")
+        where = "" if any(own.number == each.number for own in insets) else f" ({alike})"
+        words |= {each.number: f"{each.told}{where}"} if each.told and each.number not in words else {}
+    return [f"{number}\u00a0{words[number]}" for number in words]
 
 
 def _faces_shown(feature: Feature, named: tuple[Body, Body], shown: tuple[Body, Body]) -> tuple[Element, ...]:

@@ -14,7 +14,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.facet_errors import deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.facets import nearest_of_surfaces
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.polygons import distances, fans
@@ -27,11 +27,12 @@ from fcdm_opt.tolerances import DEFAULT
 INSET = 1.55  # inches across of an inset
 CORNER = 0.8  # of half an inset: the bar of known length, and its label, are at most so long
 STEPS, STILL, LARGEST = 3.0, 0.1, 0.75
-"""Half of what an inset shows: this many times the way that the contact went; this share of the size where it went
-nowhere; at most this share."""
+"""Half of what an inset shows: this many times the gap that the motion closed there, or how far the contact slid where
+it closed none; this share of the size where it went nowhere; at most this share."""
 
-ALONG_AXIS, LEVEL = 1.0 - 1e-6, 0.9
-"""Component of a direction along an axis of the world from which on it is that axis; along z, of a level section."""
+ALONG_AXIS, ACROSS_AXIS, LEVEL, TURNED = 1.0 - 1e-6, 2e-3, 0.9, 0.7
+"""Component of a direction along an axis of the world from which on it is that axis, and up to which it is across it;
+along z, of a level section; and of a section along an axis from which on it is turned to face that."""
 
 SLIVER = 0.15  # share of a body's extent that a cut leaves at least
 WIDEST = 0.1  # share of a body's size: a gap that is wider is seen without a window
@@ -82,6 +83,11 @@ class Touching(NamedTuple):
         """Whether it is one."""
         return self.kind == "overlap"
 
+    @property
+    def is_wide(self) -> bool:
+        """Whether it is a line or an area: no point."""
+        return len(self.pieces[0]) > 1
+
     def moved(self, pose: Array) -> Touching:
         """Return the same after a rigid motion, (4, 4)."""
         turn, shift = pose[:3, :3], pose[:3, 3]
@@ -91,12 +97,12 @@ class Touching(NamedTuple):
 
     @classmethod
     def overlap(cls, movable: Body, static: Body) -> Touching | None:
-        """Return what bodies as they are shown have in common, None where that is nothing."""
+        """Return what bodies as they are shown have in common, None where that is nothing, or may be their facets'."""
         solids = PlacedSolids(movable, static, np.ones(2), np.eye(4))
         pieces = solids.common()
         across = solids.deep_in(pieces) + static.seed if pieces else np.zeros((2, 3))
         depth = float(np.linalg.norm(across[1] - across[0]))
-        if not depth > DEFAULT.touch * solids.size:
+        if not depth > DEFAULT.touch * solids.size + gaps_off(movable, [static])[0]:
             return None
         surface = [static.seed + triangle for corners, rows in pieces for triangle in corners[rows]]
         return cls(tuple(surface), (across[1] - across[0]) / depth, across, kind="overlap")
@@ -238,16 +244,15 @@ def draw_section(
     (movable, blue), (static, _) = solids
     bodies, middle, back = (movable, static), contact.middle, np.linalg.inv(moved)
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
-    facing, plane = section_plane(contact.normal, step, page)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
-    long = float(np.linalg.norm(step @ plane))
+    long, closed = float(np.linalg.norm(step)), abs(float(step @ contact.normal))
     deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
-    wide = deep if contact.kind == "gap" else max(long, deep)
+    wide = deep or (closed if closed > DEFAULT.touch * size else long)
     half = min(STEPS * wide, LARGEST * size) if wide > 1e-9 * size else STILL * size
+    facing, plane, cuts = _cut_through(bodies, contact, step, page, half)
     axes = sheet.axes(*corner, INSET, INSET)
     borders = list[Array]()
-    for body, colour in reversed(solids):
-        polygons = [own[[*range(len(own)), 0]] for own in section(body, middle, facing, plane, 1.5 * half)]
+    for (_, colour), polygons in zip(reversed(solids), reversed(cuts), strict=True):
         borders += polygons
         if cut := [Path(own, closed=True) for own in polygons]:
             whole = Path.make_compound_path(*cut)
@@ -258,7 +263,8 @@ def draw_section(
             borders.append(polygon[[*range(len(polygon)), 0]])
             axes.plot(*borders[-1].T, color=blue, linewidth=0.9, linestyle=(0, (4, 2.5)))
         arrow = {"arrowstyle": "-|>", "color": blue, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-        drawn = axes.annotate("", (0.0, 0.0), -step @ plane, arrowprops=arrow, annotation_clip=False)
+        start = -min(1.0, 4.0 * half / long) * step @ plane  # of a long slide what is seen
+        drawn = axes.annotate("", (0.0, 0.0), start, arrowprops=arrow, annotation_clip=False)
         drawn.arrow_patch.set_clip_path(axes.patch)
         drawn.set_visible(contact.kind != "gap")  # which it would cross
     flat = ((np.vstack(contact.pieces) if contact.across is None else contact.across) - middle) @ plane
@@ -276,15 +282,40 @@ def draw_section(
     axes.plot([left, left + bar], [foot] * 2, color=DARK, linewidth=1.6)
     axes.text(left, foot + 0.04 * half, f"{bar:g} {unit}".strip(), fontsize=NOTE, color=DARK, va="bottom")
     times = INSET / (2.0 * half) / inch
-    which = f"{contact.kind} {'' if contact.is_overlap else contact.number or ''}"
+    which = f"{contact.kind} {contact.number or ''}"
     axes.set_title(f"{which.strip()}, cut open, \u00d7 {float(f'{times:.2g}'):g}", fontsize=NOTE, color=DARK, pad=2.0)
-    k = int(np.abs(facing).argmax())
-    if abs(facing[k]) > ALONG_AXIS:
-        seen = VIEWS[k][int(facing[k] > 0.0)]
-        axes.set_xlabel(f"seen {seen}", fontsize=NOTE, color=DARK, labelpad=2.0)
+    axes.set_xlabel(f"seen {_side(facing)}", fontsize=NOTE, color=DARK, labelpad=2.0)
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
     return facing
+
+
+def _cut_through(
+    bodies: Sequence[Body], contact: Touching, step: Array, page: Array, half: float
+) -> tuple[Array, Array, list[list[Array]]]:
+    """Return the direction of a section, its plane and closed outlines in it of each body.
+
+    Where one of them is not to be seen so near to the contact, as at a corner, across that section if both are there.
+    """
+    found, along = list[tuple[Array, Array, list[list[Array]]]](), step
+    for _ in range(2):
+        facing, plane = section_plane(contact.normal, along, page)
+        sections = (section(body, contact.middle, facing, plane, 1.5 * half) for body in bodies)
+        cuts = [[own[[*range(len(own)), 0]] for own in loops] for loops in sections]
+        window = [[-half, half]] * 2
+        if all(any(clipped(np.stack([own[:-1], own[1:]], axis=1), window)[1].any() for own in each) for each in cuts):
+            return facing, plane, cuts
+        found.append((facing, plane, cuts))
+        along = facing
+    return found[0]
+
+
+def _side(facing: Array) -> str:
+    """Return from where a section is seen: "from the left", of an oblique one its normal, "from (0.6, -0.8, 0)"."""
+    k = int(np.abs(facing).argmax())
+    if abs(facing[k]) > ALONG_AXIS:
+        return VIEWS[k][int(facing[k] > 0.0)]
+    return f"from ({', '.join(f'{x + 0.0:g}' for x in facing.round(2).tolist())})"
 
 
 def free_corner(half: float, lines: Array) -> tuple[float, float]:
@@ -304,11 +335,15 @@ def free_corner(half: float, lines: Array) -> tuple[float, float]:
 def section_plane(normal: Array, step: Array, page: Array) -> tuple[Array, Array]:
     """Return the direction from a section to the reader, and the section's directions (3, 2), right and up.
 
-    Normal and motion lie in the section. Where that leaves a choice it is cut along axes of the world, and seen from
-    the side that the scene is seen from; up is z, in a section that is nearly level what is up there.
+    The normal lies in the section, and the motion, but for less than a turn to the nearest axis of the world across the
+    normal. Where that leaves a choice it is cut along axes of the world, and seen from the side that the scene is seen
+    from; up is z, in a section that is nearly level what is up there.
     """
     toward = np.cross(page[:, 0], page[:, 1])
     facing = np.cross(normal, step)
+    for axis in np.eye(3):
+        if abs(axis @ normal) < ACROSS_AXIS and abs(axis @ facing) > TURNED * np.linalg.norm(facing):
+            facing = axis * (axis @ facing)
     if np.linalg.norm(facing) <= 0.1 * np.linalg.norm(step) or not step.any():
         across = [axis for axis in np.eye(3) if abs(axis @ normal) < 1.0 - ALONG_AXIS]
         facing = max(across, key=lambda axis: abs(axis @ toward)) if across else toward - (toward @ normal) * normal

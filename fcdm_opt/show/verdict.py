@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
-    from fcdm_opt.problem.solution import Solution
+    from fcdm_opt.problem.solution import Bounded, Solution
 
 CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
 EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
@@ -212,6 +212,17 @@ def motion_said(solution: Solution) -> str:
     """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
     steps = _steps(solution)
     return _in_order(steps, "")[1] if steps else ""
+
+
+def refusal_text(solution: Bounded) -> str:
+    """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
+    from fcdm_opt.problem.fit import verdict
+
+    judged = solution.certificate is None or solution.certificate.passed
+    if solution.status.found and solution.status.name not in ("OUTSIDE_FIT", "NOT_VERIFIED") and judged:
+        return ""
+    tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
+    return f"{'does not fit' if tight else texts.outcome_text(solution)}: parts as made, not moved"
 
 
 def instruction(solution: Solution) -> str:

@@ -17,11 +17,11 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.problem.solution import Check
-from fcdm_opt.show.cards import Card, curve_card
+from fcdm_opt.show.cards import Card, card_of, curve_card
 from fcdm_opt.show.texts import number
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-TAGS = frozenset(re.findall(r"\w+", "div span strong b table tbody tr th td ul li img"))
+TAGS = frozenset(re.findall(r"\w+", "div span strong b s table tbody tr th td ul li img"))
 ATTRIBUTES = frozenset(("style", "scope", "src", "alt"))
 WILD = "<script>alert(\"1\")</script> & 'more' \x00\ud800"
 LARGEST = 80_000  # a picture takes most of it
@@ -189,7 +189,14 @@ def test_other_cards_show_their_numbers(solution: fo.Solution) -> None:
     gaps = read(fo.clearances(solution.problem)).words  # 0.02 + 0.01 either way
     assert "-0.03 to 0.03" in gaps
     assert "! overlapping at some sizes" in gaps
-    assert "least worst gap" in read(fo.best_pose(solution.problem)).words
+    best = fo.best_pose(solution.problem)
+    assert "least worst gap" in read(best).words
+    assert "<s " not in card_of(best)
+    refused = replace(best, checks=(replace(best.checks[0], passed=False), *best.checks[1:]))
+    assert f"NOT VERIFIED, do not use it: failed {best.checks[0].name}" in read(refused).words
+    struck = re.findall(r"<s [^>]*>(.*?)</s>", card_of(refused))  # they stood in bold
+    assert number(best.worst_gap) in struck
+    assert "no" not in struck
     shifts = fo.compensation_map(solution.problem, error=1e-2)
     assert f"{len(shifts.table)}" in read(shifts).words
     share = fo.assembly_yield(shifts, sizes=(fo.Uniform(0.99, 1.01), fo.Uniform(0.99, 1.01)), budget=0.02, count=1000)

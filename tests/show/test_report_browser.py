@@ -484,11 +484,11 @@ def test_a_report_on_sizes_had_a_curve_of_scales_and_no_stack_up_on_paper(browse
     opened.page.set_viewport_size({"width": 1280, "height": 900})
     assert not opened.page.is_visible("#choose")  # the list of cases is there
     with on_paper(opened, "sheets") as pages:
-        assert [pages(size) for size in ("A4", "Letter")] == [len(problems)] * 2
+        assert [pages(size) for size in ("A4", "Letter")] == [len(problems) + 1] * 2  # that of the stack-up of all
+        assert "64.5 %" in opened.page.locator(".card .stack").inner_text()
         for number in range(len(problems)):
             sheet = opened.page.locator(f'.answer[data-case="{number}"]').inner_text()
             assert "+0.0325 mm" in sheet
-            assert "64.5 %" in sheet
     assert opened.wrong == []
     opened.context.close()
 
@@ -624,7 +624,7 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 718, "height": 1040})  # A4
     with on_paper(opened, "sheets") as pages:
         assert opened.page.evaluate(OVERLAPS) == []
-        assert [pages(size) for size in ("A4", "Letter")] == [2, 2]
+        assert [pages(size) for size in ("A4", "Letter")] == [3, 3]  # the last is of the stack-up of both
         letters = opened.page.evaluate(
             "[...document.querySelectorAll('.answer svg text')].filter(t => t.getClientRects().length)"
             ".map(t => parseFloat(getComputedStyle(t).fontSize)"
@@ -632,6 +632,33 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
         )
         assert len(letters) > 6
         assert min(letters) >= 0.98 * 7 * 96 / 72  # seven points
+    opened.context.close()
+
+
+def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_paper(browser, tmp_path):
+    """A block in a corner, .4, .1 and .01 larger: three cuts on screen, on a phone and on paper."""
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    walls = [(80, 70, 15, 0, 5, -7.5), (20, 70, 30, -30, 5, 15), (80, 20, 30, 20, 30, 15)]
+    room = fo.Body.from_parts([fo.Box(own[:3], centre=own[3:]).vertices for own in walls], name="corner")
+    block = fo.Box((50, 40, 25), centre=(5, 0, 12.5), name="block")
+    sizes = [fo.Size(axis, "movable", faces=[f"+{axis}", f"-{axis}"], each=[0.5, 0.5], tolerance=1) for axis in "xyz"]
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked = fo.Problem(block, room, sizes=sizes, made={"x": 0.4, "y": 0.1, "z": 0.01}, motion=motion, unit="mm")
+    data = gather([Read(tmp_path, "", "", (asked,))], certify=False, frames=0.0)
+    assert len(data["cases"][0]["picture"]["insets"]) == 3
+    (tmp_path / "report.html").write_text(page(data), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
+    for width in (1280, 390):
+        opened.page.set_viewport_size({"width": width, "height": 900})
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert opened.page.evaluate(CUT_OFF) == []
+    opened.page.set_viewport_size({"width": 718, "height": 1040})
+    with on_paper(opened, "sheets") as pages:
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert [pages(size) for size in ("A4", "Letter")] == [1, 1]
+    assert opened.wrong == []
     opened.context.close()
 
 

@@ -360,7 +360,22 @@ def test_a_stack_up_that_the_judge_refused_is_headed_by_that():
     data["cases"][0]["stack"] |= {"failed": "NOT VERIFIED, do not use it: failed gap"}
     words = visible(read(page(data)))
     words = words[words.index("Stack-up of the gap") :]
-    assert words.index("NOT VERIFIED") < words.index("Worst case")
+    assert words.index("NOT VERIFIED") < words.index("What is struck below is wrong") < words.index("Worst case")
+
+
+def test_numbers_of_a_stack_up_that_the_judge_refused_stood_in_bold():
+    """Struck, and without their picture; those of a case that it passed are not."""
+    data = payload()
+    data["cases"][1]["stack"] |= {"failed": "NOT VERIFIED, do not use it: failed gap"}  # no more that of case A
+    good, bad = re.findall(r'<section class="(stack[^"]*)"[^>]*>(.*?)</section>', page(data), re.DOTALL)
+    assert [own[0] for own in (good, bad)] == ["stack", "stack refused"]
+    assert ["How the gap is spread" in own[1] for own in (good, bad)] == [True, False]
+    rules = page(data).split("<style>")[1].split("</style>")[0]
+    assert re.search(r"\.refused :is\(dd[^}]*line-through", rules)
+    assert 'class="refused"' not in page(data)
+    data["cases"][0] |= {"status": "NOT_VERIFIED", "usable": False}
+    struck = re.findall(r'<div class="refused"><dt>(.*?)</dt>', page(data))
+    assert [re.sub("<[^>]*>", "", own) for own in struck] == ["Motion", "Amount", "Proved at least", "Pair made"]
 
 
 def test_a_verdict_of_several_sentences_ran_on():
@@ -383,12 +398,29 @@ def test_one_sensitivity_is_a_sentence_and_no_chart():
     assert "left of the middle less" not in words
 
 
-def test_the_stack_up_stands_with_the_answer_and_marks_what_is_beyond_the_worst_case(plain):
-    sheet = plain.split("<article")[1]
+def test_the_stack_up_stands_with_the_answer_and_marks_what_is_beyond_the_worst_case():
+    data = payload()
+    data["cases"][1]["stack"] = None
+    sheet = page(data).split("<article")[1]
     assert "What each size contributes to the gap" in sheet
     assert "Root sum square" in sheet
     assert "+0 to +0.2\u00a0*" in sheet
-    assert plain.count("What each size contributes to the gap</caption>") == 2  # once a case
+
+
+def test_a_stack_up_of_several_cases_stood_in_each(plain):
+    """Once, and each case has a link to it with the least gap; one of a case by itself stays with that."""
+    assert plain.count("What each size contributes to the gap</caption>") == 1
+    sheets = plain.split("<article")[1:3]
+    (place,) = {own for sheet in sheets for own in re.findall(r'<a href="#(stack-\d+)">', sheet)}
+    assert plain.count(f'id="{place}"') == 1
+    assert "Of cases" not in plain
+    data = payload()
+    data["cases"].append({**data["cases"][0], "name": "other", "stack": {**data["cases"][0]["stack"], "unit": "in"}})
+    data["files"][0]["cases"] = [0, 1, 2]
+    three = page(data)
+    assert three.count("What each size contributes to the gap</caption>") == 2
+    assert "What each size contributes" in three.split("<article")[3]
+    assert "Of cases first and second plain." in visible(read(three))
 
 
 def test_what_was_checked_of_what_is_impossible_is_said():

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from base64 import b64decode
 from collections.abc import Sequence
+from dataclasses import replace
 from io import BytesIO
 from itertools import product
 from pathlib import Path
@@ -33,6 +34,7 @@ from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show.assemblies import assembly_figure, parts_of
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
@@ -44,6 +46,7 @@ from fcdm_opt.show.scene import (
     _joined,
     body_figure,
     contacts_of,
+    numbered_contacts,
     own_polygons,
     page_directions,
     scene_figure,
@@ -51,7 +54,7 @@ from fcdm_opt.show.scene import (
     sharp_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, Cut, Touching, free_corner, section, section_plane
+from fcdm_opt.show.sections import CORNER, Cut, Touching, draw_section, free_corner, section, section_plane
 from fcdm_opt.show.stacks import faces_figure
 from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
@@ -501,6 +504,148 @@ def test_an_inset_stood_on_its_head_beside_its_scene(view: tuple[float, float], 
         np.testing.assert_allclose(plane[:, 1], [0.0, 0.0, 1.0], atol=1e-12)
 
 
+def test_a_small_gap_was_magnified_no_more_than_a_large_one_beside_it() -> None:
+    """A block that goes .05 along x to a wall and .005 up to a floor: ten times as much is magnified of the floor."""
+    block, corner, pose = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0), np.eye(4)
+    pose[:3, 3] = 0.05, 0.0, 0.005
+    places = ((0.0, 0.0, 0.0), np.eye(3)[2], 1), ((-1.0, 0.0, 1.0), np.eye(3)[0], 2)
+    contacts = [Touching((np.array([place]),), normal, number=k) for place, normal, k in places]
+    shown = ShownBodies.of(block.moved(np.linalg.inv(pose)), corner, transform=pose, view=(32.0, -55.0))
+    times = [
+        float(text.partition("\u00d7 ")[2])
+        for own in scene_pieces(shown, contacts=contacts).insets for text in texts(own) if "\u00d7" in text
+    ]  # fmt: skip
+    assert times[0] / times[1] == pytest.approx(10.0, rel=0.1)  # two digits are shown
+
+
+@pytest.mark.parametrize(
+    ("normal", "step", "facing"),
+    [
+        ((1.0, 0.0, 0.0), (0.2, -0.05, 0.005), (0.0, 0.0, 1.0)),  # of a wall: level
+        ((0.0, 0.0, 1.0), (0.2, -0.05, 0.005), (0.0, -1.0, 0.0)),
+        ((0.6, 0.0, 0.8), (0.1, 0.0, 0.3), (0.0, -1.0, 0.0)),  # of a slope: across it
+        ((0.6, 0.48, 0.64), (0.0, 0.8, -0.6), (-0.8, 0.36, 0.48)),  # neither is across an axis
+    ],
+)
+def test_a_wall_along_an_axis_was_cut_askew(normal: Any, step: Any, facing: Any) -> None:
+    """Cut along axes of the world wherever one lies across the normal."""
+    found, plane = section_plane(np.array(normal), np.array(step), page_directions(32.0, -55.0))
+    np.testing.assert_allclose(np.abs(found), np.abs(facing), atol=1e-12)
+    np.testing.assert_allclose(plane.T @ found, 0.0, atol=1e-12)
+
+
+def test_a_cut_through_a_corner_showed_one_part_alone() -> None:
+    """A tip at the origin, above which its part is: level, as wall and motion lie, a plane meets nothing of it."""
+    tip = Body.convex([(0.0, 0.0, 0.0), (2.0, -0.5, 1.0), (2.0, 0.5, 1.0), (2.0, 0.0, 2.0)])
+    contact = Touching((np.zeros((1, 3)),), np.eye(3)[0])
+    solids = [(tip, "#0072B2"), (box((-1.0, 0.0, 0.0), 2.0), "#D55E00")]
+    page, sheet = page_directions(32.0, -55.0), Sheet.of(2.0, 2.0)
+    facing = draw_section(sheet, (0.0, 0.0), solids, contact, placed((0.05, 0.05, 0.0)), page, 1.0, "")
+    np.testing.assert_allclose(facing, [0.0, -1.0, 0.0], atol=1e-12)
+    assert {to_hex(own.get_facecolor()[:3]) for own in sheet.figure.axes[0].patches} >= {"#0072b2", "#d55e00"}
+
+
+def test_an_oblique_cut_did_not_say_how_it_lies() -> None:
+    """A slope whose normal is across no axis: the section is named by its own normal, on which that is 0."""
+    normal = np.array([0.48, 0.6, 0.64])
+    contact = Touching((np.zeros((1, 3)),), normal)
+    shown = ShownBodies.of(box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0), view=(32.0, -55.0))
+    shown = replace(shown, moves=(placed(np.array([0.0, 0.8, -0.6]) * 0.1 + 0.05 * normal),))
+    (told,) = [text for own in scene_pieces(shown, contacts=[contact]).insets for text in texts(own) if "seen" in text]
+    values = np.array([float(own) for own in re.findall(r"-?[\d.]+", told)])
+    assert values.shape == (3,)
+    assert values @ normal == pytest.approx(0.0, abs=0.01)
+    assert values @ values == pytest.approx(1.0, abs=0.02)
+
+
+def placed(shift: Any) -> Any:
+    pose = np.eye(4)
+    pose[:3, 3] = shift
+    return pose
+
+
+def clamped(wide: float, across: float = 30.0) -> fo.AssemblySolution:
+    """A block .4 wider than drawn between a wall and a jaw, `across` from that wall in a base; a cap lies on it."""
+    blocks = [[(-40, -20, -10), (40, 20, 0)], [(-40, -20, 0), (-20, 20, 20)]]
+    blocks += [[(across - 20.0, -20, 0), (40, 20, 20)]] * (across < 40.0)
+    base = Body.from_parts([[*product(*zip(*ends, strict=True))] for ends in blocks])
+    block, cap, jaw = (
+        Body.convex([*product(*ends)])
+        for ends in (((-20, 10), (-10, 10), (0, 15)), ((-15, 5), (-8, 8), (15, 20)), ((10, 25), (-20, 20), (0, 20)))
+    )
+    jaws = {"jaw": jaw} if across >= 40.0 else {}
+    contacts = [("block", "base"), ("cap", "block"), *(("jaw", other) for other in ("block", "base") if jaws)]
+    width = fo.Size("width", "block", faces=["+x", "-x"], each=[0.5, 0.5], tolerance=1.0)
+    motion = Translation("x") >> Translation("z")
+    found = fo.solve(
+        fo.Assembly(
+            {"base": base, "block": block, "cap": cap, **jaws}, contacts, [width],
+            dict.fromkeys(("block", "cap", *jaws), motion), made={"width": wide}, unit="mm",
+        )
+    )  # fmt: skip
+    assert isinstance(found, fo.AssemblySolution)
+    return found
+
+
+def test_a_contact_of_a_vise_had_no_number_and_no_cut() -> None:
+    """The block touches base and wall, both of one part, and cap and jaw, which is on the base: five places."""
+    solution = clamped(0.4, across=60.0)
+    told = texts(assembly_figure(solution))
+    assert [told.count(str(number)) for number in range(1, 7)] == [1, 1, 1, 1, 1, 0]
+    words = numbered_contacts(parts_of(solution)[1])
+    assert [own[0] for own in words] == ["1", "2", "3", "4", "5"]
+    cuts = {text.split()[1].rstrip(",") for text in told if text.startswith("contact ")}
+    assert len(cuts) == 4
+    assert all((own[0] in cuts) != own.endswith(("as in cut 1)", "in the scene alone)")) for own in words)
+
+
+def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
+    """30.4 in a slot of 30: no arrow, words, and on both sides .2 of the block in the base."""
+    solution = clamped(0.4)
+    assert not solution.usable
+    shown, overlaps = parts_of(solution)
+    assert shown.moves == ()
+    assert [own.kind for own in overlaps] == ["overlap"]
+    assert overlaps[0].across is not None
+    assert np.abs(np.diff(overlaps[0].across, axis=0)) == pytest.approx(np.array([[0.2, 0.0, 0.0]]), abs=1e-9)
+    figure = assembly_figure(solution)
+    assert {"does not fit: parts as made, not moved", "where they overlap"} <= set(texts(figure))
+    assert not [own for axes in figure.axes for own in axes.texts if getattr(own, "arrowprops", None) is MOVES]
+    refused = published(1, "B")
+    refused = Solution(**{**vars(refused), "status": Status.NOT_VERIFIED})
+    told = texts(solution_figure(refused))
+    assert "not verified: parts as made, not moved" in told
+    assert not [text for text in told if text.startswith("before")]
+
+
+def test_overlaps_of_facets_were_drawn_of_round_parts_that_have_a_play() -> None:
+    """A pin of 20 in a bore of 20.02, whose facets stand out of either; of 20.6 it is .29 in the bore all around."""
+    bored = fo.cut(fo.Box((40.0, 40.0, 10.0)), fo.Cylinder(10.01, 20.0))
+    loose, tight = (fo.Cylinder(radius, 12.0).moved(turned(7.0)) for radius in (10.0, 10.3))
+    assert Touching.overlap(loose, bored) is None
+    found = Touching.overlap(tight, bored)
+    assert found is not None
+    assert found.across is not None
+    assert 0.2 < np.linalg.norm(np.diff(found.across, axis=0)) < 0.4  # of facets
+
+
+def turned(degrees: float) -> Any:
+    pose, angle = np.eye(4), np.radians(degrees)
+    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return pose
+
+
+def test_a_contact_that_a_cut_takes_away_lost_its_number() -> None:
+    """Of three that are hidden two are in the plane of the cut, and one is before it: a ring with its number."""
+    one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
+    spots = ((-0.5, 0.0), 1), ((0.5, 0.0), 2), ((0.0, -0.8), 3)
+    contacts = [Touching((np.array([[*place, 0.0]]),), np.eye(3)[2], number=number) for place, number in spots]
+    told = texts(scene_figure(ShownBodies.of(one, two, view=(20.0, -70.0)), contacts=contacts))
+    assert any(text.startswith("cut open") for text in told)
+    assert {"1", "2", "3"} <= set(told)
+    assert any("cut away" in text for text in told if text.startswith("dashes"))
+
+
 def test_facets_of_one_face_had_an_inset_each() -> None:
     """Both were named contact 1: of faces that are apart each has its own."""
     one, two = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0)
@@ -680,7 +825,7 @@ def test_pictures_for_dark_pages_stand_light_on_dark(tmp_path: Path) -> None:
 def test_contacts_were_numbered_that_nothing_told() -> None:
     """The sentence names three of six, so that numbers 4 to 6 stood in the picture alone."""
     told = " ".join(texts(solution_figure(solved("locating", "A"), caption="then{sizes}")))
-    assert re.findall(r"[:;]\s(\d) (\w+) face of\s+block", told) == [
+    assert re.findall(r"[:;]\s(\d)\u00a0(\w+) face of\s+block", told) == [
         ("1", "bottom"), ("2", "bottom"), ("3", "bottom"), ("4", "front"), ("5", "front"), ("6", "left")
     ]  # fmt: skip
     assert {"1", "2", "3", "4", "5", "6"} <= set(texts(solution_figure(solved("locating", "A"))))

@@ -234,13 +234,17 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
             sure = "none can be better" if self.certified else "no bound proved"
             told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
         contacts = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
-        failed = ", ".join(own.name for own in self.checks if not own.passed)
-        not_passed = f"NOT VERIFIED, do not use it: failed {failed}" if failed else "not judged"
-        judged = "verified" if self.passed else not_passed
+        judged = "verified" if self.passed else self.refusal or "not judged"
         middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
         return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several
+
+    @property
+    def refusal(self) -> str:
+        """That the judge refused it, with the checks that failed; "" where none did."""
+        failed = ", ".join(own.name for own in self.checks if not own.passed)
+        return f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the evidence, see `PoseEvidence.to_dict`."""

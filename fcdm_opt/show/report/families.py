@@ -18,6 +18,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.report.frames import Frames
 from fcdm_opt.show.texts import motion_text, parameter_texts
+from fcdm_opt.show.verdict import refusal_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -85,10 +86,10 @@ def target_at(problem: Problem, factor: float) -> Array:
 def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str, Any] | None:
     """Return the frames along the straight way to the motion found: the parts made, and the tracked contact.
 
-    None without a motion, and where it is none at all.
+    None without a motion to use, and where it is none at all.
     """
     q = np.array(list(solution.parameters.values()))
-    if solution.transform is None or not q.any():
+    if solution.transform is None or not q.any() or refusal_text(solution):
         return None
     problem, task = solution.problem.reformulated, Task.of(solution.problem)
     low, high = problem.limits.T

@@ -24,7 +24,7 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.verdict import length_text
+from fcdm_opt.show.verdict import length_text, refusal_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -60,6 +60,7 @@ def page(payload: Data) -> str:
     Text from the payload is escaped wherever it stands.
     """
     cases, files = payload["cases"], payload["files"]
+    shared = _shared_stacks(cases)
     tabled = {cell["case"] for table in payload["matrices"] for cell in table["cells"].values()}
     return whole_page(
         "page.html",
@@ -67,7 +68,8 @@ def page(payload: Data) -> str:
         figures={"cases": [{key: case[key] for key in FIGURES} for case in cases]},
         title=payload["title"],
         note=payload["note"],
-        cases=[{"number": number, **case} for number, case in enumerate(cases)],
+        cases=[{"number": number, "stacked": shared.get(number), **case} for number, case in enumerate(cases)],
+        stacks=[*{own["id"]: own for own in shared.values()}.values()],
         files=files,
         matrices=payload["matrices"],
         listed=len(cases) > 1 and (len(payload["matrices"]) != 1 or any(k not in tabled for k in range(len(cases)))),
@@ -78,6 +80,24 @@ def page(payload: Data) -> str:
         made_at=payload["made"]["date"],
         tolerances=[(name, f"{value:g}", meaning) for name, value, meaning in payload["tolerances"]],
     )
+
+
+def _shared_stacks(cases: Sequence[Data]) -> dict[int, Data]:
+    """Return by the numbers of cases the stack-ups that several have, each with an identifier and the cases' names."""
+    known = list[tuple[Data, list[int]]]()
+    for number, case in enumerate(cases):
+        own = {key: value for key, value in (case["stack"] or {}).items() if key != "chart"}
+        alike = next((numbers for other, numbers in known if other == own), None)
+        if alike is not None:
+            alike.append(number)
+        elif "worst" in own:
+            known.append((own, [number]))
+    shared = dict[int, Data]()
+    for _, numbers in (each for each in known if len(each[1]) > 1):
+        names = texts.listed([cases[number]["name"] for number in numbers]) * (len(numbers) < len(cases))
+        stack = {**cases[numbers[0]]["stack"], "id": f"stack-{numbers[0]}", "cases": names}
+        shared |= dict.fromkeys(numbers, stack)
+    return shared
 
 
 def _unstacked(cases: Sequence[Data], files: Sequence[Data]) -> list[str]:
@@ -99,7 +119,8 @@ def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     """
     titles = [file["title"] or file["file"] for file in files]
     of = {number: file for file in files for number in file["cases"]}
-    firsts = (cases[file["cases"][0]] for file in files if file["cases"])  # of parts as drawn: alike for all of a file
+    firsts = ((file["file"], cases[file["cases"][0]]) for file in files if file["cases"])
+    stacks = [(file, own) for file, case in firsts for own in case["stacks"]]  # as drawn: alike for all of a file
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
@@ -107,7 +128,7 @@ def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
         title="; ".join(titles),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[{"file": of[number], "number": number, **case} for number, case in enumerate(cases)],
-        stacks=[stack for case in firsts for stack in case["stacks"]],
+        stacks=[{**own, "id": f"stack-{k}", "file": file} for k, (file, own) in enumerate(stacks)],
         arrows=ARROWS,
         inputs=_inputs(files),
         versions=(versions := made()).items(),
@@ -128,7 +149,7 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
     """Return the data of one case of an assembly; `name` begins the identifiers of its pictures."""
     bodies, contacts = parts_of(solution)
     assembly, unit = solution.assembly, solution.assembly.unit
-    pieces = scene_pieces(bodies, contacts=contacts, unit=unit)
+    pieces = scene_pieces(bodies, contacts=contacts, said=refusal_text(solution), unit=unit)
     certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
         verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
@@ -141,7 +162,7 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
         "figure": assembly_scene(solution, contacts, pieces),
         "picture": picture_of(pieces, name),
         "stacks": stack_reports(assembly, f"{name}-stack"),
-        "moved": solution.status.found and any(map(any, texts.values_by_part(solution).values())),
+        "moved": solution.usable and any(map(any, texts.values_by_part(solution).values())),
         "outside": solution.status.name == "OUTSIDE_FIT",
         "barred": "does not fit",
         "outcome": texts.outcome_text(solution),
