@@ -96,9 +96,7 @@ def _of_all_kinds(near: NearFacets) -> Ints:
     return np.asarray(order[np.argsort(np.arange(len(order)) - starts, kind="stable")])
 
 
-def _near(
-    movable: Body, static: Body, rho: Array, transform: Array, band: float, **how: Any
-) -> NearFacets:
+def _near(movable: Body, static: Body, rho: Array, transform: Array, band: float, **how: Any) -> NearFacets:
     """Return the near facets of two bodies at a scale pair and pose, in lengths from the static seed."""
     one, two = facets_of(movable), facets_of(static)
     away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
