@@ -74,10 +74,8 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     near = faces.at(point)
     if near and (room := faces.room(near, point)) < BESIDE * size:  # as at the edge: else a piece too small to hold
         near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
-        if (
-            max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near) > DEFAULT.tie * size
-        ):  # facets end beyond it
-            point = faces.onto(near, point)
+        beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
+        point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
     if not near or not faces.is_round[near[0]]:
         return None
     patches = [faces.patches[k] for k in near]
