@@ -73,6 +73,7 @@ Needed = set[tuple[str, str, tuple[Any, ...]]]
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
 COMPILING = 3.6e-4
+OFTEN = 0.16  # share of the time of compiling that a kernel runs as written which has a few calls or thousands
 IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
 SHORTEST = 1e-4  # seconds that a call counts at least

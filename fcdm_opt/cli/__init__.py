@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fcdm_opt import process_pool
+from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli import designing, reporting, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 from fcdm_opt.cli.registry import ROWS
@@ -76,6 +76,7 @@ def main() -> None:
     gc.set_threshold(*COLLECTED)
     process_pool.allow()
     try:
-        app(prog_name="fcdm-opt")
+        with pacing.listening(starting.compile_others_meanwhile):
+            app(prog_name="fcdm-opt")
     finally:
         starting.compile_in_background()

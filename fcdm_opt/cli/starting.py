@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, cast
@@ -16,7 +17,7 @@ import typer
 
 from fcdm_opt import pacing, process_pool
 from fcdm_opt.cli.common import LENGTH, OUTPUT, Time, argument, option
-from fcdm_opt.cli.guarding import say
+from fcdm_opt.cli.guarding import manner, say
 from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError, known_word
 
@@ -107,8 +108,16 @@ def warmup_command(background: Annotated[bool, typer.Option("--background", hidd
     typer.echo(f"the numerical kernels are compiled and kept for later runs, in {perf_counter() - start:.0f} s")
 
 
+def compile_others_meanwhile(doing: str, *_: int) -> None:
+    """Listen to what is being done: with the first kernel that a command compiles, have all others compiled."""
+    compiling = sys.modules.get("fcdm_opt.compiling")
+    if compiling is not None and compiling.NOTICE in doing and manner.get().command != "warmup":
+        compile_in_background()
+
+
+@cache
 def compile_in_background() -> None:
-    """Have another process compile the kernels of all commands, after the first run that needed some."""
+    """Have another process compile the kernels of all commands, from the first run on that needs some."""
     compiling = sys.modules.get("fcdm_opt.compiling")
     if os.environ.get(BACKGROUND) == "0" or compiling is None or compiling.all_kept():
         return

@@ -7,7 +7,6 @@ and has its normal. Where bodies meet at such points, amounts are those of the t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -27,6 +26,7 @@ BENT = 0.3  # radians: how far the face turns across such a piece
 SHARE = 0.1  # of the body's size: it is no larger
 DEEP = 0.5  # of its width, and of the material there: its depth
 LOWER = 0.02  # of its width: so much lower the ends of a line on it are, so that it touches in one point
+BESIDE = 1e-2  # of the size: a point no further from an edge has a piece like one on it
 SMALL = 1e-6  # of the size: where no larger piece has room there is none
 PUSHES = 60  # by which a point is brought into the material
 
@@ -72,13 +72,16 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     faces, point = true_faces(body), np.array(place)
     size = faces.body.size
     near = faces.at(point)
+    if near and (room := faces.room(near, point)) < BESIDE * size:  # as at the edge: else a piece too small to hold
+        near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
+        beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
+        point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
     if not near or not faces.is_round[near[0]]:
         return None
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    off = max(faces.off_facets(k, point) for k in near)  # edges are those of facets
-    width = (1.0 - DEFAULT.touch) * math.sqrt(max(faces.room(near, point) ** 2 - off**2, 0.0))
+    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point)  # as places on the face are off those beside the point
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))

@@ -72,21 +72,23 @@ class NearFacets(NamedTuple):
 
 
 def near_facets(
-    one: Facets, points: Array, two: Facets, others: Array, band: float, *, crossing: bool = False
-) -> NearFacets:
+    one: Facets, points: Array, two: Facets, others: Array, band: float, *, along: Array | float = 1.0,
+    crossing: bool = False,
+) -> NearFacets:  # fmt: skip
     """Return the pairs of facets of two bodies that are not told apart by a distance.
 
     - `points`, `others` (n, 3): their points where they are, in one frame.
     - `band`: the distance. Facets that are further apart by boxes, or across the plane of one of them, are not near,
       nor are those that lie behind one of the planes by more.
+    - `along` (3,), optional: how much of it counts along each axis of the frame, for boxes.
     - `crossing`: return those alone that meet, or come as near to it as rounding, and reach behind both planes by more.
     """
     corners = points[one.triangles], others[two.triangles]
     with np.errstate(invalid="ignore"):  # facets without area are left out: others hold their corners
         normals = [unit_normals(own) for own in corners]
     count = len(corners[0])
-    low = np.concatenate([corners[0].min(axis=1) - band, corners[1].min(axis=1)])
-    high = np.concatenate([corners[0].max(axis=1) + band, corners[1].max(axis=1)])
+    low = np.concatenate([corners[0].min(axis=1) - band * along, corners[1].min(axis=1)])
+    high = np.concatenate([corners[0].max(axis=1) + band * along, corners[1].max(axis=1)])
     found = [NearFacets(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2, 3, 3)))]
     for first, second in overlapping(low, high, np.repeat([0, 1], [count, len(corners[1])])):
         pacing.check()

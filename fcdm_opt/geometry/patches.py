@@ -29,6 +29,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
 STEPS = 60  # of Newton's method
+NEARING = 6  # of those to the nearest point of an edge
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
@@ -128,7 +129,7 @@ class TrueFaces:
         room = DIGITS * self.body.rounding
         for k, tip in enumerate(self.tips):
             own = np.unique(self.owners[(norms(self.corners - tip) == 0.0).any(axis=1)])
-            at = self._onto(own.tolist(), tip)
+            at = self.onto(own.tolist(), tip)
             self.tips[k] = at if norms(at - tip) <= room else tip
 
     @property
@@ -249,17 +250,30 @@ class TrueFaces:
         return True
 
     def room(self, near: Sequence[int], point: Array) -> float:
-        """Return how far edges are from a point of some patches, other than those between two of these."""
-        others = ~np.isin(self.every_pair_of_patches, near).all(axis=1)
-        return float(distances(point[None], self.every_edge[others]).min(initial=np.inf))
+        """Return how far true edges are from a point of some patches, but for those between two of these."""
+        others = np.flatnonzero(~np.isin(self.every_pair_of_patches, near).all(axis=1))
+        away = distances(point[None], self.every_edge[others])[:, 0]
+        order, least, most = np.argsort(away), np.inf, 2.0 * max(deviation_of(self.body))
+        for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
+            if far - most >= least:
+                break
+            pair, middle = self.every_pair_of_patches[k].tolist(), self.every_edge[k].mean(axis=0)
+            at = self.onto(pair, middle)
+            bow = float(norms(at - middle))
+            for _ in range(NEARING):  # from there along the arc, which may end before
+                one, two = (self.patches[own].gaps(at[None])[1][0] for own in pair)
+                along = cross(one, two)
+                along = units(along if norms(along) > DEFAULT.sharp else self.every_edge[k, 1] - self.every_edge[k, 0])
+                at = self.onto(pair, at + along * (along @ (point - at)))
+            least = min(least, max(float(norms(at - point)), far - bow))
+        return least
 
     def along(self, start: Array, end: Array) -> Array | None:
         """Return the point of a face, or of an edge, near another of its points moved; None where it may end before."""
         near = self.at(start)
-        room = self.room(near, start) - max(deviation_of(self.body))
-        return self._onto(near, end) if near and 2.0 * float(norms(end - start)) < room else None
+        return self.onto(near, end) if near and 2.0 * float(norms(end - start)) < self.room(near, start) else None
 
-    def _onto(self, patches: Sequence[int], point: Array) -> Array:
+    def onto(self, patches: Sequence[int], point: Array) -> Array:
         """Return a point moved onto the surfaces of patches."""
         at = point.copy()
         for _ in range(3):
@@ -274,10 +288,6 @@ class TrueFaces:
     def row_at(self, k: int, point: Array) -> int:
         """Return the row of the body's face that stands for a patch at a point."""
         return int(self.rows[self._triangles[k][self._distances(k, point[None]).argmin()]])
-
-    def off_facets(self, k: int, point: Array) -> float:
-        """Return how far a point is from the facets of a patch."""
-        return float(self._distances(k, point[None]).min())
 
     def depth(self, point: Array, direction: Array) -> float:
         """Return how far it is from a point of the surface, through the material, to the other side of the solid."""

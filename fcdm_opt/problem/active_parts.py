@@ -33,7 +33,9 @@ FEW = 10_000  # part pairs that are all modelled
 BATCH_SIZE = 64  # pairs of facets whose parts are taken up together at first, the worst; then twice as many each time
 MOST_TOUCHING = 100  # pairs of facets in contact as drawn whose parts are taken up
 DIGITS = 6  # of directions in which facets are flush that are told apart
-DISTANCES = 1e-3 * 2.0 ** np.arange(9)  # of the size: how near parts are taken up where those modelled never touch
+NEAREST = 1e-3  # of the size: how near parts are taken up first where those modelled never touch; then twice as near
+MOST_LOOKED_AT = 4_000_000  # pairs of facets of which all are looked at, however far apart
+LOCAL = 0.3  # of the size: how near other parts are taken up
 WIDEST = 1.0 / 64  # of the size: how far parts may move on a stretch of a way on which all near ones are taken up
 AROUND = 1e-3  # of the nominal scales in which the curve of some of the parts is worked out
 
@@ -94,15 +96,11 @@ def _of_all_kinds(near: NearFacets) -> Ints:
     return np.asarray(order[np.argsort(np.arange(len(order)) - starts, kind="stable")])
 
 
-def _near(
-    movable: Body, static: Body, rho: Array, transform: Array, band: float, *, crossing: bool = False
-) -> NearFacets:
+def _near(movable: Body, static: Body, rho: Array, transform: Array, band: float, **how: Any) -> NearFacets:
     """Return the near facets of two bodies at a scale pair and pose, in lengths from the static seed."""
     one, two = facets_of(movable), facets_of(static)
     away = transform[:3, :3] @ movable.seed + transform[:3, 3] - static.seed
-    return near_facets(
-        one, rho[0] * one.points @ transform[:3, :3].T + away, two, rho[1] * two.points, band, crossing=crossing
-    )
+    return near_facets(one, rho[0] * one.points @ transform[:3, :3].T + away, two, rho[1] * two.points, band, **how)
 
 
 def with_near_parts(problem: Problem, transform: Array, band: float, rho: Array | None = None) -> Problem:
@@ -242,16 +240,22 @@ def _touching_sooner(
     problem: Problem, movable: Body, static: Body, amount: float, kept: list[Flags]
 ) -> Iterator[Reason]:
     """Yield parts not modelled that may touch after a motion of less than an amount."""
-    # of an infinite one within larger and larger ones, as far as anything is looked for
+    # of an infinite one within larger and larger ones, as far as parts can be apart
     fastest, size = float(np.linalg.norm(_rates(problem) / problem.weights)), problem.size
+    pairs = len(facets_of(movable).triangles) * len(facets_of(static).triangles)
+    reach = float(np.linalg.norm(movable.seed - static.seed)) + problem.target @ (movable.size, static.size)
+    distance = reach if pairs <= MOST_LOOKED_AT else LOCAL * size
+    distances = NEAREST * size * 2.0 ** np.arange(math.ceil(math.log2(distance / (NEAREST * size))) + 1)
     shifts = np.empty((0, 3))
     if problem.motion.shifts:
         shifts = problem.motion.ways(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
-    for largest in [amount] if math.isfinite(amount) else (DISTANCES * size / fastest).tolist():
+    # bounds by axis of where a shift of the amount 1 leads
+    along = np.linalg.norm(shifts, axis=0) / fastest + DEFAULT.cut if len(shifts) else 1.0
+    for largest in [amount] if math.isfinite(amount) else (distances / fastest).tolist():
         if pacing.over():
             return  # what may touch sooner is looked for while there is time
-        near = _near(movable, static, problem.target, np.eye(4), fastest * largest)
+        near = _near(movable, static, problem.target, np.eye(4), fastest * largest, along=along)
         near = near.some(_unknown(near.parts, kept))
         needed = near.furthest(shifts, fastest, DEFAULT.cut * size, largest, line)
         sooner = needed < largest * (1.0 - DEFAULT.nominal)

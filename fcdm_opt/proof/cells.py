@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, light, step
+from fcdm_opt.compiling import OFTEN, kernel, light, step
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -38,7 +38,6 @@ OPEN, SHORT, LOOSE, LEFT, APART, MEETS, OUTSIDE, COSTLY, NEAR = range(9)  # as `
 FEATURE = 16  # numbers of a feature
 KIND, SIGN, FIRST, SECOND, ONE, TWO, PARTS = 0, 1, 2, 5, 8, 11, 14  # places in it
 PARALLEL = DEFAULT.line  # sine of the angle of two edges up to which they give no direction
-SHARE = 0.16  # of the time of compiling them that they run as written: a proof has a few cells or thousands
 STEEP = 1e-3  # and above which rounding turns it by less than matters
 
 
@@ -200,7 +199,7 @@ def _set_crossing(lines, determinant, excess):
         _add_product(excess[1], sign, lines[k, 0], lines[1 - k, 3])
 
 
-@partial(light, share=SHARE)
+@partial(light, share=OFTEN)
 @kernel
 def goal_cells(T, features, target, signs, margin, codes, witness):
     """Tell where the tracked contact cannot be where the goal wants it."""
@@ -244,7 +243,7 @@ def _opposed(x, y, sign, margin):
     return (_low(x) > margin and _high(y) < -margin) or (_high(x) < -margin and _low(y) > margin)
 
 
-@partial(light, share=SHARE)
+@partial(light, share=OFTEN)
 @kernel
 def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
     """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`."""
@@ -284,7 +283,7 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
                 break
 
 
-@partial(light, share=SHARE)
+@partial(light, share=OFTEN)
 @kernel
 def left_cells(T, features, target, first, second, margin, codes, witness):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair."""
@@ -673,7 +672,7 @@ def _stay_apart(T, movable, obstacles, pair, margin, site, n, height):
     return False
 
 
-@partial(light, share=SHARE)
+@partial(light, share=OFTEN)
 @kernel
 def pair_cells(T, movable, obstacles, partners, asked, near, margin, tries, codes, witness):
     """Tell where a part overlaps an obstacle or is too near, and where all pairs that ought to touch stay apart.

@@ -365,18 +365,23 @@ def test_kernels_of_other_commands_are_compiled_in_the_background_by_one_process
     begun: list[list[str]] = []
     monkeypatch.setattr(compiling, "_kept_in", lambda name: tmp_path / name)
     monkeypatch.setattr(starting.subprocess, "Popen", lambda line, **_: begun.append(line))
-    starting.compile_in_background()
-    assert not begun, f"{starting.BACKGROUND} keeps from that"
+
+    def count_of_next_run(doing: str = f"solving: {compiling.NOTICE} (case A)") -> int:
+        starting.compile_in_background.cache_clear()
+        for _ in range(2):
+            starting.compile_others_meanwhile(doing, 0, 0)
+        return len(begun)
+
+    assert count_of_next_run() == 0, f"{starting.BACKGROUND} keeps from that"
     monkeypatch.delenv(starting.BACKGROUND)
-    starting.compile_in_background()
+    assert count_of_next_run("loading libraries") == 0
+    assert count_of_next_run() == 1, "once a run, with its first kernel"
     assert begun == [[sys.executable, "-m", "fcdm_opt", "warmup", "--background"]]
     assert starting.BACKGROUND in capsys.readouterr().err
     compiling.all_kept(note=True)
-    starting.compile_in_background()
-    assert len(begun) == 1
+    assert count_of_next_run() == 1
     monkeypatch.setattr(compiling, "version", "other than what is noted")
-    starting.compile_in_background()
-    assert len(begun) == 2
+    assert count_of_next_run() == 2
 
 
 def test_a_second_process_in_the_background_ends_at_once(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from manifold3d import Manifold
 from voxels import VOXELS, surface_of
 
 import fcdm_opt as fo
@@ -501,3 +502,16 @@ def test_a_best_pose_of_a_ball_in_a_socket_of_many_faces_was_an_internal_error(t
     assert problem.partial
     with pytest.raises(fo.InputError, match="none of flat faces"):
         fo.best_pose(problem)
+
+
+@pytest.mark.parametrize("away", [0.5, 1.9, 7.0])
+def test_surfaces_far_apart_were_not_found_to_touch_along_one_direction(away: float) -> None:
+    """Parts that are nearest as drawn pass each other; those that meet are further off than a quarter of the size."""
+    box = Manifold.cube((2.5, 1.0, 1.25)).translate((0.5, -0.25, 0.5))
+    stairs = Manifold.cube((1.75, 2.0, 1.75)).translate((-1.5, 0.75 + away, 2.0))
+    stairs += Manifold.cube((2.25, 2.0, 1.0)).translate((-0.25, 1.0 + away, 1.25))
+    meshes = (own.to_mesh() for own in (box, stairs))
+    parts = [fo.Body.from_mesh(own.vert_properties, own.tri_verts, decomposition="surface") for own in meshes]
+    found = fo.solve(fo.Problem(*parts, target=(1, 1), goal="touch", motion=fo.Translation("y")))
+    assert found.usable
+    assert found.amount == pytest.approx(away + 0.25, rel=1e-6)

@@ -894,17 +894,43 @@ def test_a_roller_on_a_plane_had_no_stack_up() -> None:
     assert (worst.least, worst.largest) == pytest.approx((-0.05, 0.05), abs=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("chamfer", [0.0, 0.5])
-def test_a_hub_stays_off_its_shoulder_by_the_fillet_that_its_bore_or_chamfer_meets(chamfer: float) -> None:
-    """Of both edges of a chamfer the one that the fillet, of which it is within, is nearer to."""
-    r, p = 1.0, 0.1
-    ring = fo.cut(fo.Cylinder(10 + r, r, facets=12), fo.Torus(10 + r, r, centre=(0, 0, r), facets=12))
-    bodies = [fo.Cylinder(16, 5, base=(0, 0, -5), facets=12), fo.Cylinder(10, 15, base=(0, 0, -5), facets=12), ring]
-    tools = [fo.Cylinder(10 + p, 12, base=(0, 0, -1), facets=12)]
+def chamfered_hub(p: float, chamfer: float, facets: int) -> fo.Body:
+    """A bore of radius 10 + p whose edge at z = 0 has a chamfer by 45 degrees."""
+    tools = [fo.Cylinder(10 + p, 12, base=(0, 0, -1), facets=facets)]
     if chamfer:
-        tools.append(fo.Cone(11 + p + chamfer, 10 + p, chamfer + 1, base=(0, 0, -1), facets=12))
-    hub, shaft = fo.cut(fo.Cylinder(15, 10, facets=12), *tools, name="hub"), fo.joined(*bodies, name="shaft")
+        tools.append(fo.Cone(11 + p + chamfer, 10 + p, chamfer + 1, base=(0, 0, -1), facets=facets))
+    return fo.cut(fo.Cylinder(15, 10, facets=facets), *tools, name="hub")
+
+
+@pytest.mark.parametrize("facets", [16, 24, 60])
+def test_what_is_exact_at_a_point_of_a_chamfer_is_within_the_solid(facets: int) -> None:
+    """Chords of the bore's rim are further off than the rim: a piece at the other one reached beyond it."""
+    p, chamfer = 0.04, 0.6
+    hub, angles = chamfered_hub(p, chamfer, facets), np.linspace(0.0, 2.0 * math.pi, 30)
+    outer, inner = ((10 + p + chamfer, 0.0), (10 + p, chamfer))
+    points = [(r * math.cos(t), r * math.sin(t), z) for r, z in (outer, inner) for t in angles]
+    found = exact_at(hub, np.array(points))
+    assert found is not None
+    assert found.exact is not None
+    for piece in found.exact.pieces:
+        x, y, z = found.vertices[piece.first - 1 : piece.last].T
+        assert np.hypot(x, y) == pytest.approx(
+            np.maximum(np.hypot(x, y), 10 + p + np.maximum(chamfer - z, 0)), abs=1e-9
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("p", "chamfer", "facets"), [(0.1, 0.0, 24), (0.1, 0.5, 12), (0.04, 0.6, 24), (0.05, 0.63, 16)]
+)
+def test_a_hub_stays_off_its_shoulder_by_the_fillet_that_its_bore_or_chamfer_meets(
+    p: float, chamfer: float, facets: int
+) -> None:
+    """Of both edges of a chamfer the one that the fillet, of which it is within, is nearer to."""
+    r = 1.0
+    ring = fo.cut(fo.Cylinder(10 + r, r, facets=facets), fo.Torus(10 + r, r, centre=(0, 0, r), facets=facets))
+    drawn = (fo.Cylinder(wide, tall, base=(0, 0, -5), facets=facets) for wide, tall in ((16, 5), (10, 15)))
+    hub, shaft = chamfered_hub(p, chamfer, facets), fo.joined(*drawn, ring, name="shaft")
     solution = usable(fo.Problem(hub, shaft, motion=fo.Translation("z"), target=(1, 1), goal="clear"))
     inner, outer = (r - math.sqrt(r * r - (r - off) ** 2) for off in (p, p + chamfer))
     assert solution.amount == pytest.approx(max(inner - chamfer, outer), abs=1e-9)
