@@ -26,7 +26,7 @@ BENT = 0.3  # radians: how far the face turns across such a piece
 SHARE = 0.1  # of the body's size: it is no larger
 DEEP = 0.5  # of its width, and of the material there: its depth
 LOWER = 0.02  # of its width: so much lower the ends of a line on it are, so that it touches in one point
-BESIDE = 1e-2  # of the size: a point no further from an edge has a piece like one on it
+NEXT_TO_EDGE = 1e-2  # of the size: a point no further from an edge has a piece like one on it
 SMALL = 1e-6  # of the size: where no larger piece has room there is none
 PUSHES = 60  # by which a point is brought into the material
 
@@ -72,7 +72,9 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     faces, point = true_faces(body), np.array(place)
     size = faces.body.size
     near = faces.at(point)
-    if near and (room := faces.room(near, point)) < BESIDE * size:  # as at the edge: else a piece too small to hold
+    if (
+        near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size
+    ):  # as at the edge: else a piece too small to hold
         near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge

@@ -243,8 +243,8 @@ def _touching_sooner(
     # of an infinite one within larger and larger ones, as far as parts can be apart
     fastest, size = float(np.linalg.norm(_rates(problem) / problem.weights)), problem.size
     pairs = len(facets_of(movable).triangles) * len(facets_of(static).triangles)
-    reach = float(np.linalg.norm(movable.seed - static.seed)) + problem.target @ (movable.size, static.size)
-    distance = reach if pairs <= MOST_LOOKED_AT else LOCAL * size
+    farthest = float(np.linalg.norm(movable.seed - static.seed)) + problem.target @ (movable.size, static.size)
+    distance = farthest if pairs <= MOST_LOOKED_AT else LOCAL * size
     distances = NEAREST * size * 2.0 ** np.arange(math.ceil(math.log2(distance / (NEAREST * size))) + 1)
     shifts = np.empty((0, 3))
     if problem.motion.shifts:

@@ -106,9 +106,7 @@ def _asked(file: Path, question: str, axis: int, seconds: float) -> tuple[str, s
     return _worth(own.scaled(rho), partner, answer, np.eye(3)[axis], question, told)
 
 
-def _worth(
-    own: RawSolid, partner: RawSolid, answer: Any, axis: Array, question: str, told: float
-) -> tuple[str, str]:
+def _worth(own: RawSolid, partner: RawSolid, answer: Any, axis: Array, question: str, told: float) -> tuple[str, str]:
     words = f"{answer.status.name} {answer.amount:.6g}, bound {answer.lower_bound:.6g}"
     slack = SLACK * float(np.ptp(partner.vertices, axis=0).max()) + 2.0 * told
 
