@@ -264,3 +264,4 @@ def test_the_data_set_is_found_in_an_installed_package(tmp_path: Path, monkeypat
     told = (FOLDER.parent / "setup.py").read_text(encoding="utf-8")
     assert 'DATASET: "dataset"' in told
     assert all(f'"*{path.suffix}"' in told for path in FOLDER.iterdir() if path.suffix not in (".py", ".pyc", ""))
+

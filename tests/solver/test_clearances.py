@@ -90,7 +90,9 @@ def asked(one: fo.Body, two: fo.Body, clearance: float, axis: Any, **arguments: 
     return fo.Problem(one, two, **given | arguments)
 
 
-@pytest.mark.parametrize(("count", "clearance"), [(8, 1e-6), (8, 0.05), (8, 1.0), (60, 1e-6), (60, 1.0), (400, 0.05)])
+@pytest.mark.parametrize(
+    ("count", "clearance"), [(8, 1e-6), (8, 0.05), (8, 1.0), (60, 1e-6), (60, 1.0), (400, 0.05)]
+)
 def test_hulls_are_too_near_up_to_the_least_shift_and_as_far_as_asked_there(count, clearance):
     rng = np.random.default_rng([count, int(1e6 * clearance)])
     one, two = ellipsoids(rng, count)
@@ -178,7 +180,7 @@ def test_corners_of_keep_outs_are_passed_as_near_as_is_asked(goal, off, least):
     """A block slides on a floor, away from the corner of a post so far off, or back from those of two."""
     posts = list[fo.KeepOut]()
     for k, (x, y) in enumerate(off):
-        low, high = (y + 1.0, 3.0) if y > 0.0 else (-3.0, y - 1.0)
+        low, high = ((y + 1.0, 3.0) if y > 0.0 else (-3.0, y - 1.0))
         posts.append(fo.KeepOut(box((1.0 + x, low, 0.2), (3.0, high, 3.0), f"post {k}"), clearance=0.3))
     parts = [box((-1, -1, 0), (1, 1, 1), "block"), box((-9, -9, -1), (9, 9, 0), "floor")]
     if goal == "an assembly":

@@ -84,6 +84,7 @@ def test_surfaces_straight_across_from_each_other_have_a_distance() -> None:
         assert surface_distance(here, triangle, there, triangle) == pytest.approx(there[0, 0] - here[0, 0], abs=1e-9)
 
 
+
 @pytest.mark.parametrize("number", [34, 54, 71, 85, 113, 126, 127, 131, 142, 149])
 def test_thin_parts_that_slip_past_each_other_touch_as_drawn(number: int) -> None:
     """A corner on a facet, seeds near its plane: what closes them by 1e-6 of the size moves them far past."""

@@ -236,11 +236,7 @@ def test_one_pair_of_many_faces_is_settled(number):
 @pytest.mark.parametrize(
     ("count", "axes"),
     [
-        (8, "xyz"),
-        (8, "slanted"),
-        (24, "xyz"),
-        (24, "slanted"),
-        (100, "slanted"),
+        (8, "xyz"), (8, "slanted"), (24, "xyz"), (24, "slanted"), (100, "slanted"),
         pytest.param(400, "xyz", marks=pytest.mark.slow),
     ],
 )

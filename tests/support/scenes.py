@@ -189,8 +189,7 @@ TOP, ALL = _size("top", "static", faces="+z"), _size("all", "movable", scale="xy
 SCENES = {
     "at": Scene(ask=_pair(PROBE, TABLE, goal="at"), amount=_tip),
     "seat": Scene(
-        ask=_pair(CUBE, TABLE, goal="seat"),
-        amount=lambda d, e: 0.5 * (d + e),
+        ask=_pair(CUBE, TABLE, goal="seat"), amount=lambda d, e: 0.5 * (d + e),
         range=(-6 / 7, inf),  # until the cube, at a seventh of its size, is beside the table
         touches=(-2.01, 0.01),
         worst=0.01,
@@ -251,37 +250,28 @@ SCENES = {
     ),
     "six parameters": Scene(ask=_pair(PROBE, TABLE, goal="touch", motion=fo.Free()), amount=_tip),
     "size: uniform": Scene(
-        ask=_sized(ALL, _size("base", "static", scale="xyz")),
-        amount=_tip,
-        sizes=("all", "base"),
+        ask=_sized(ALL, _size("base", "static", scale="xyz")), amount=_tip, sizes=("all", "base"),
         touches=(-3.01, 0.01),
         worst=1.5 * WIDE,
     ),
     "size: faces": Scene(
-        ask=_sized(TOP, ALL),
-        amount=lambda d, e: d + e,
-        sizes=("top", "all"),
+        ask=_sized(TOP, ALL), amount=lambda d, e: d + e, sizes=("top", "all"),
         touches=(-3.0, 0.01),
         worst=2.0 * WIDE,
     ),
     "one size": Scene(
-        ask=_sized(TOP),
-        amount=lambda d: d,
-        sizes=("top",),
+        ask=_sized(TOP), amount=lambda d: d, sizes=("top",),
         touches=(-3.0, 0.01),
         worst=WIDE,
     ),
     "three sizes": Scene(  # of which the last one matters to nothing
-        ask=_sized(TOP, ALL, _size("wide", "static", scale="x")),
-        amount=lambda d, e, _: d + e,
+        ask=_sized(TOP, ALL, _size("wide", "static", scale="x")), amount=lambda d, e, _: d + e,
         sizes=("top", "all", "wide"),
         touches=(-3.0, 0.01),
         worst=2.0 * WIDE,
     ),
     "size: axis": Scene(
-        ask=_sized(_size("height", "static", scale="z"), ALL),
-        amount=lambda d, e: 0.5 * d + e,
-        sizes=("height", "all"),
+        ask=_sized(_size("height", "static", scale="z"), ALL), amount=lambda d, e: 0.5 * d + e, sizes=("height", "all"),
         touches=(-3.005, 0.005),
         worst=1.5 * WIDE,
     ),
@@ -294,43 +284,32 @@ SCENES = {
     ),
     "large mesh": Scene(ask=_pair(PROBE, hollow(TABLE), goal="touch"), amount=_tip),
     "large mesh, sizes": Scene(
-        ask=_sized(TOP, ALL, static=hollow(TABLE)),
-        amount=lambda d, e: d + e,
-        sizes=("top", "all"),
+        ask=_sized(TOP, ALL, static=hollow(TABLE)), amount=lambda d, e: d + e, sizes=("top", "all"),
         touches=(-3.0, 0.01),
         worst=2.0 * WIDE,  # of the contact as drawn: it stays above the table
     ),
     # the lower part takes the upper one along: its top and the floor's bottom, the upper one's bottom and its top
     "round": Scene(ask=_pair(BALL, TABLE, goal="touch"), amount=_tip),
     "round, sizes": Scene(
-        ask=_sized(_size("radius", "movable", faces="sphere radius 1"), TOP, movable=BALL),
-        amount=lambda d, e: d + e,
+        ask=_sized(_size("radius", "movable", faces="sphere radius 1"), TOP, movable=BALL), amount=lambda d, e: d + e,
         sizes=("radius", "top"),
         touches=(-3.01, 0.01),
         worst=2.0 * WIDE,
     ),
     "chain": Scene(
-        ask=_chain(as_drawn),
-        amount=lambda d, _: d * sqrt(2),
-        of_moving=_chain_off,
-        direction="lower.TZ",
+        ask=_chain(as_drawn), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),  # until the lower part has no size
         touches=(-3.01, -2.01, -0.99, 0.01),
         worst=0.01,
     ),
     "loop": Scene(
-        ask=_loop(as_drawn),
-        amount=lambda d, _: d * sqrt(2.5),
-        of_moving=_loop_off,
-        direction="left.TZ",
+        ask=_loop(as_drawn), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(-10 / 11, 1.0),  # until the left one, an eleventh of its size, is beside the floor; over the other
         touches=(-2.01, -1.01, 0.01, 1.01),
         worst=0.01,
     ),
     "chain, keep-outs": Scene(  # above, where the upper part is not to come
-        ask=_chain(as_drawn, keep_out=(LAMP,)),
-        amount=lambda d, _: d * sqrt(2),
-        of_moving=_chain_off,
+        ask=_chain(as_drawn, keep_out=(LAMP,)), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off,
         direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-3.01, -2.01, -0.99, 0.01),
@@ -338,8 +317,7 @@ SCENES = {
     ),
     "chain, own amount": Scene(
         ask=_chain(as_drawn, amount=100 * (casadi.SX.sym("lower.TZ") ** 2 + casadi.SX.sym("upper.TZ") ** 2)),
-        amount=lambda d, _: 200 * d**2,
-        of_moving=lambda d, e: 100 * _chain_off(d, e) ** 2,
+        amount=lambda d, _: 200 * d**2, of_moving=lambda d, e: 100 * _chain_off(d, e) ** 2,
         direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-3.01, -2.01, -0.99, 0.01),
@@ -347,19 +325,13 @@ SCENES = {
     ),
     # to the first contacts of each pair
     "chain, large meshes": Scene(
-        ask=_chain(hollow),
-        amount=lambda d, _: d * sqrt(2),
-        of_moving=_chain_off,
-        direction="lower.TZ",
+        ask=_chain(hollow), amount=lambda d, _: d * sqrt(2), of_moving=_chain_off, direction="lower.TZ",
         range=(-1.0, inf),
         touches=(-2.01, -0.99, 0.01),
         worst=0.01,
     ),
     "loop, large meshes": Scene(
-        ask=_loop(hollow),
-        amount=lambda d, _: d * sqrt(2.5),
-        of_moving=_loop_off,
-        direction="left.TZ",
+        ask=_loop(hollow), amount=lambda d, _: d * sqrt(2.5), of_moving=_loop_off, direction="left.TZ",
         range=(-10 / 11, 1.0),
         touches=(-1.01, 0.01, 1.01),
         worst=0.01,
