@@ -25,7 +25,7 @@ from fcdm_opt.problem.assembly_file import scene_of
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import SCALES
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded, Status
+from fcdm_opt.problem.solution import IMPOSSIBLE, Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -40,8 +40,8 @@ Result = TypeVar("Result")
 class ActiveSet:
     """What holds a motion: sizes that share it make a region of the map."""
 
-    # "motion", "already satisfied", "no motion", "outside the fit", "not verified" or "undecided": where a map was cut
-    # off before it told which of the others holds
+    # "motion", "already satisfied", "no motion", "no motion found" (nor proved impossible), "outside the fit",
+    # "not verified" or "undecided": where a map was cut off before it told which of the others holds
     kind: str
     # labels of the features that are in contact after the motion, or as near as they may be
     features: tuple[str, ...] = ()
@@ -57,8 +57,8 @@ class ActiveSet:
 
 
 SATISFIED, NOTHING, REJECTED = ActiveSet("already satisfied"), ActiveSet("no motion"), ActiveSet("not verified")
-OUTSIDE, UNDECIDED = ActiveSet("outside the fit"), ActiveSet("undecided")
-MOTIONLESS = {NOTHING, REJECTED, OUTSIDE}
+OUTSIDE, UNDECIDED, NONE_FOUND = map(ActiveSet, ("outside the fit", "undecided", "no motion found"))
+MOTIONLESS = {NOTHING, NONE_FOUND, REJECTED, OUTSIDE}
 
 
 class Sample(NamedTuple):
@@ -230,7 +230,7 @@ def active_set(solution: Bounded) -> ActiveSet:
     if solution.status is Status.OUTSIDE_FIT:
         return OUTSIDE
     if not solution.usable:
-        return REJECTED if solution.status.found else NOTHING
+        return REJECTED if solution.status.found else NOTHING if solution.status in IMPOSSIBLE else NONE_FOUND
     if solution.amount == 0.0:
         return SATISFIED
     scene, q = solution.question, np.array([*solution.coordinates.values()])

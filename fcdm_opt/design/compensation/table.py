@@ -108,7 +108,7 @@ class MapPoints:
             if region < 0:
                 lines.append("outside the sizes that the map is of")
             elif np.isnan(amount):
-                lines.append(f"{'undecided' if np.isnan(error) else 'no motion'}, region {region}")
+                lines.append(f"{'undecided' if np.isnan(error) else 'no motion, or none known'}, region {region}")
             else:
                 lines.append(f"{motion}, amount {number_text(amount)} +- {error:.1g}, region {region}")
         more = len(amounts) - len(lines)

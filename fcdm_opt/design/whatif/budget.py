@@ -38,7 +38,7 @@ from fcdm_opt.problem.fit import mismatched, verdict
 from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded, Status
+from fcdm_opt.problem.solution import IMPOSSIBLE, Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -76,6 +76,7 @@ class End(Enum):
 
     LIMIT = "the least amount exceeds the limit"
     NO_MOTION = "there is no motion"
+    NOT_FOUND = "no motion was found, and none is proved impossible"
     OUTSIDE_FIT = "the motion leaves the fit"
     MISFIT = "the parts do not go together"
     NOT_VERIFIED = "the judge rejects the motion"
@@ -584,7 +585,7 @@ class _Tolerances:
         if high is None:
             return End.LARGEST
         if not high.solution.status.found:
-            return End.NO_MOTION
+            return End.NO_MOTION if high.solution.status in IMPOSSIBLE else End.NOT_FOUND
         if high.solution.status.name == "OUTSIDE_FIT":
             return End.OUTSIDE_FIT
         if high.solution.usable:
