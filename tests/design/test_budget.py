@@ -183,10 +183,10 @@ def test_touching_from_afar_is_nested() -> None:
 
 def test_beyond_with_another_motion_may_have_no_budget() -> None:
     found = one(problems("example1")["A"], 0.02, "B")
-    assert (found.tolerance, found.end) == (0.0, End.NO_MOTION)
+    assert (found.tolerance, found.end) == (0.0, End.NOT_FOUND)
     assert found.bracket == (0.0, SMALLEST)
     assert found.amount == 0.0
-    assert str(found) == "B: only as drawn; above, there is no motion"
+    assert str(found) == "B: only as drawn; above, no motion was found, and none is proved impossible"
 
 
 @pytest.mark.parametrize(

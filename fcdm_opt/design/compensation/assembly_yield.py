@@ -29,7 +29,10 @@ SHARES = (0.5, 0.9, 0.99, 0.999)  # shares of the pairs that quantiles are told 
 MOST_HELD = 2_000_000  # pairs looked up at most to tell what each size' scatter costs
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
 BODIES = ("movable", "static")
-OTHERS = {"impossible": "have no motion, or none known", "undecided": "are undecided: the map is not exact enough there"}
+OTHERS = {
+    "impossible": "have no motion, or none known",
+    "undecided": "are undecided: the map is not exact enough there",
+}
 COARSE = 0.01  # width of an interval of shares from which on tenths of a per cent are told; undecided: the range only
 UNKNOWN = 0.5  # share of pairs that are undecided above which that of those that pass is not known
 
