@@ -603,7 +603,7 @@ class Solution(Bounded):
             what = "contact touches" if more == 1 else "contacts touch"
             return f"{more} more {what} as drawn on round faces and not on their facets, which is not followed in turns"
         if problem.goal not in ("touch", "clear"):
-            return f'goal "{problem.goal}" is about contacts as drawn, and what round faces do to them has no bound'
+            return f'goal "{problem.goal}" is about contacts as drawn, and what such an error does to them has no bound'
         if (problem.goal == "touch" and problem.keep_out) or (problem.goal == "clear" and problem.pair == "touch"):
             return "larger parts touch sooner, and keep less clear"
         if problem.goal == "touch" and not (problem.resolution is None and isinstance(problem.amount, str)):
