@@ -172,32 +172,38 @@ def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: flo
 
 def _any_comes_off(problem: Problem, T: Array) -> bool:
     """Tell whether body 1 comes off body 2, or its walls do from between walls that they do not go together with."""
-    bodies = problem.movable, problem.static
-    if _comes_off(problem, T, [body.vertices for body in bodies]):
+    bodies, drawn = (problem.movable, problem.static), drawn_bodies(problem)
+    if _comes_off(problem, T, [_alike(*own) for own in zip(drawn, bodies, strict=True)]):
         return True
     found, corners = misfit(problem), part_corners_as_made(problem)
     if found is None or corners is None:
         return False
-    sides = zip(bodies, drawn_bodies(problem), found.faces, found.parts, corners, strict=True)
+    sides = zip(drawn, bodies, found.faces, found.parts, corners, strict=True)
     return _comes_off(problem, T, [_walls(*own) for own in sides])
 
 
+def _alike(drawn: Body, made: Body) -> tuple[Array, Array]:
+    """Return the corners of a body as drawn and as made; those as made twice where these are others."""
+    return drawn.vertices if drawn.vertices.shape == made.vertices.shape else made.vertices, made.vertices
+
+
 def _walls(
-    made: Body, drawn: Body, faces: Sequence[Element | None], parts: Sequence[int], corners: Sequence[Array]
-) -> Array:
-    """Return the corners, as made, of faces of the body as drawn; of convex parts where only a cut made one."""
+    drawn: Body, made: Body, faces: Sequence[Element | None], parts: Sequence[int], corners: Sequence[Array]
+) -> tuple[Array, Array]:
+    """Return the corners, as drawn and as made, of faces; of convex parts where only a cut made one."""
     if len(made.vertices) != len(drawn.vertices) or None in faces:
-        return np.concatenate([corners[k] for k in parts])
-    return made.vertices[[vertex - 1 for own in faces if own is not None for vertex in own.vertices]]
+        return (np.concatenate([corners[k] for k in parts]),) * 2
+    rows = [vertex - 1 for own in faces if own is not None for vertex in own.vertices]
+    return drawn.vertices[rows], made.vertices[rows]
 
 
-def _comes_off(problem: Problem, T: Array, points: Sequence[Array]) -> bool:
+def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]]) -> bool:
     """Tell whether points of body 1 reach into the hull of others as drawn, deeper than sizes change, then no more."""
-    # `points` are those of both bodies as made, (n, 3) and (m, 3)
+    # `points` are those of both bodies, (n, 3) and (m, 3), as drawn and as made
     seeds = problem.movable.seed, problem.static.seed
     drawn, (start, others) = (
-        [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, points, strict=True)]
-        for scales in (problem.nominal_pair, problem.target)
+        [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, each, strict=True)]
+        for scales, each in zip((problem.nominal_pair, problem.target), zip(*points, strict=True), strict=True)
     )
     end = start @ T[:3, :3].T + T[:3, 3]
     way = (end - start).mean(axis=0)

@@ -819,3 +819,19 @@ def test_the_largest_clearance_that_can_be_met_was_not_told(more: dict[str, Any]
     peg = fo.Box((10, 10, 10), centre=(-0.15, 0, 5), name="peg")
     asked = fo.Problem(peg, plate, target=(1, 1), goal="clear", motion=fo.Translation("x"), unit="mm", **more)
     assert advised(SolvedCase(fo.solve(asked))) == f"Choose a smaller clearance, at most {most}."
+
+
+@pytest.mark.parametrize("goal", ["clear", "seat", "touch"])
+def test_a_hollow_part_that_came_out_thicker_was_said_to_leave_the_fit(goal: str) -> None:
+    """A frame on a frame, as a spacer on a bearing ring: half of what it is thicker lifts it, whatever holds it."""
+
+    def frame(outer: float, inner: float, low: float, high: float) -> fo.Body:
+        middle = (0.0, 0.0, (low + high) / 2)
+        hole = fo.Box((inner, inner, high - low + 2.0), centre=middle)
+        return fo.cut(fo.Box((outer, outer, high - low), centre=middle), hole)
+
+    height = fo.Size("height", "movable", faces=["+z", "-z"], each=0.5, tolerance=0.02)
+    asked = {"sizes": [height], "made": {"height": 0.02}, "goal": goal, "motion": fo.Translation("z")}
+    found = fo.solve(fo.Problem(frame(39, 30, 12, 27), frame(40, 20, 0, 12), **asked))
+    assert found.usable
+    assert found.amount == pytest.approx(0.01, rel=1e-9)
