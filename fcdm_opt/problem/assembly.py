@@ -617,7 +617,10 @@ def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
 def _followed(
     given: Any, parts: Mapping[str, Body], joined: Sequence[JoinedPair], fixed: Sequence[str]
 ) -> dict[str, str]:
-    """Return which part each moving one follows: as given, or the next on the way of contacts to a fixed one."""
+    """Return which part each moving one follows: as given, or the next on the way of contacts to a fixed one.
+
+    A part that is to be kept clear of another rests on it only where nothing else leads to a fixed one.
+    """
     asked = _by_part(given, "follows", parts)
     for part, leader in asked.items():
         known_word(leader, parts, "no such part", key=f"follows.{part}")
@@ -626,12 +629,11 @@ def _followed(
             raise InputError("a fixed part follows none", key=f"follows.{part}", found=leader, allowed=allowed)
     found: dict[str, str] = {}
     reached = [*fixed]
-    for part in reached:  # grows meanwhile
-        for pair in (pair for pair in joined if part in pair[:2]):
-            other = pair.two if pair.one == part else pair.one
-            if other not in reached:
-                reached.append(other)
-                found[other] = part
+    both = [(pair.asked.get("goal") == "clear", *own) for pair in joined for own in (pair[:2], pair[1::-1])]
+    while further := [own for own in both if own[1] in reached and own[2] not in reached]:
+        _, part, other = min(further, key=lambda own: (own[0], reached.index(own[1])))
+        reached.append(other)
+        found[other] = part
     lost = [part for part in parts if part not in reached and part not in asked]
     if lost:
         what = f"no contacts lead from a fixed part ({', '.join(fixed)}) to this one"
