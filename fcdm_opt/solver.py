@@ -217,6 +217,8 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
             points = pacing.in_time(points_of_true_faces, asked, solve_parts, outside_fit, late=None)
             cut_off = pacing.stopped()
         if points is None or points == tried:
+            if cut_off and confirm:  # the rest of the time is for facets
+                break
             continue
         asked, tried = problem.with_exact_points(points), points
         found = pacing.in_time(_solved_all, asked, how, late=None)

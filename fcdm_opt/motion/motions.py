@@ -883,12 +883,7 @@ def _point(values: Any, key: str) -> tuple[float, ...]:
 
 
 def _hashable(axis: Any) -> Any:
-    """Return a world axis by its name, also where a vector gives it; another vector as a tuple."""
-    if isinstance(axis, str):
-        return axis
-    point = _point(axis, "axis")
-    signs = tuple(float((x > 0) - (x < 0)) for x in point)
-    return next((name for name, own in AXES.items() if signs == tuple(own)), point)
+    return axis if isinstance(axis, str) else _point(axis, "axis")
 
 
 def _axis_name(axis: Any) -> str:

@@ -434,15 +434,3 @@ def test_bad_motions_are_refused(make, message):
 def test_the_number_of_parameters_must_fit(q):
     with pytest.raises(InputError, match="number of motion parameters"):
         (Translation("z") >> Rotation("z")).transform(q, S1, S2)
-
-
-@pytest.mark.parametrize("name", ["x", "y", "z", "-x", "-y", "-z"])
-@pytest.mark.parametrize("length", [1, 2.5, 1e-200])
-def test_a_vector_along_an_axis_of_the_world_moved_by_a_parameter_without_its_name(name: str, length: float) -> None:
-    """`Translation((0, 0, 1))` had "T" in place of "TZ"; it is the translation along "z", and equal to it."""
-    vector = [length * x for x in AXES[name]]
-    for step in (Translation, Rotation):
-        assert step(vector) == step(name)
-        assert step(vector).names == step(name).names == (f"{step.__name__[0]}{name.upper()}",)
-    assert Translation((0, 3, 4)).names == ("T",)
-    assert Translation((0, 3, 4)).axis == (0.0, 3.0, 4.0)
