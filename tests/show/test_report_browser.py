@@ -658,11 +658,11 @@ def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_pa
         assert opened.page.evaluate(CUT_OFF) == []
     opened.page.set_viewport_size({"width": 718, "height": 1040})
     with on_paper(opened, "sheets") as pages:
-        assert (
-            opened.page.evaluate(OVERLAPS) == []
-        )  # the histogram lay on the table below the names of two of the cases
+        assert opened.page.evaluate(OVERLAPS) == []
         assert [pages(size) for size in ("A4", "Letter")] == [4, 4]
         assert "Of cases" in opened.page.inner_text(".sheet .stack")
+        table, chart = (opened.page.locator(f".sheet .pair {own}").bounding_box() for own in ("table", "figure"))
+        assert table["x"] + table["width"] <= chart["x"]
         assert "Approved" in opened.page.inner_text(".sheet")
         scene, picture = (opened.page.locator(f".answer.chosen {own}").bounding_box() for own in (".scene", "figure"))
         assert scene["height"] > 0.7 * picture["height"]  # it was as narrow as two insets in a row left it
@@ -673,17 +673,28 @@ def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_pa
 def test_what_is_drawn_how_lay_on_the_answer_of_four_contacts_on_paper(browser, tmp_path):
     """A cover on a block on a base, and a stop that follows the block: four cuts, and captions within the sheet."""
     parts = {
-        "base": fo.cut(fo.Box((80, 40, 30), centre=(0, 0, 5)), fo.Box((60, 40, 20.1), centre=(0, 0, 10.05))),
-        "block": fo.Box((20, 20, 12), centre=(0, 0, 6)),
-        "cover": fo.Box((30, 30, 4), centre=(0, 0, 14)),
-        "stop": fo.Box((10, 10, 6), centre=(15, 0, 3)),
+        "base with a pocket": fo.cut(
+            fo.Box((80, 40, 30), centre=(0, 0, 5)), fo.Box((60, 40, 20.1), centre=(0, 0, 10.05))
+        ),
+        "hardened block": fo.Box((20, 20, 12), centre=(0, 0, 6)),
+        "cover that is screwed on": fo.Box((30, 30, 4), centre=(0, 0, 14)),
+        "stop of the block": fo.Box((10, 10, 6), centre=(15, 0, 3)),
     }
-    between = [("block", "base"), ("cover", "block"), ("stop", "base"), ("stop", "block")]
-    sizes = [
-        fo.Size("height", "block", faces="+z", tolerance=0.1),
-        fo.Size("width", "block", faces="+x", tolerance=0.1),
+    between = [
+        ("hardened block", "base with a pocket"),
+        ("cover that is screwed on", "hardened block"),
+        ("stop of the block", "base with a pocket"),
+        ("stop of the block", "hardened block"),
     ]
-    motions = {"block": fo.Translation("z"), "cover": fo.Translation("z"), "stop": fo.Translation("x")}
+    sizes = [
+        fo.Size("height", "hardened block", faces="+z", tolerance=0.1),
+        fo.Size("width", "hardened block", faces="+x", tolerance=0.1),
+    ]
+    motions = {
+        "hardened block": fo.Translation("z"),
+        "cover that is screwed on": fo.Translation("z"),
+        "stop of the block": fo.Translation("x"),
+    }
     asked = fo.Assembly(parts, between, sizes, motions, unit="mm", made={"height": 0.1, "width": 0.1}, name="large")
     case = assembly_report(fo.solve(asked))
     assert len(case["picture"]["insets"]) == 4
