@@ -347,7 +347,7 @@ def test_the_report_of_an_assembly_had_no_scene_to_turn(browser, tmp_path):
         [{"file": path.name, "title": "", "note": "", "sha256": None, "cases": [0]}], [assembly_report(solution)]
     )
     assert "relative to left wedge, which carries it" in text
-    assert text.count('<table class="title-block">') == 1  # a sheet of two parts had one, of several none
+    assert text.count('<table class="title-block">') == text.count('<section class="sheet">') + 1  # of the case
     (tmp_path / "report.html").write_text(text, encoding="utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 900, "height": 900})
     opened.drawn("0 corrected")
@@ -646,7 +646,9 @@ def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_pa
     sizes = [fo.Size(axis, "movable", faces=[f"+{axis}", f"-{axis}"], each=[0.5, 0.5], tolerance=1) for axis in "xyz"]
     motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
     asked = fo.Problem(block, room, sizes=sizes, made={"x": 0.4, "y": 0.1, "z": 0.01}, motion=motion, unit="mm")
-    data = gather([Read(tmp_path, "", "", (asked,))], certify=False, frames=0.0)
+    changes = ("longer", {"made": {"x": 0.4}}), ("wide", {"goal": "clear", "clearance": 0.3})
+    each = (asked, *(asked.changed(name=name, **change) for name, change in changes))
+    data = gather([Read(tmp_path, "", "", each)], certify=False, frames=0.0)
     assert len(data["cases"][0]["picture"]["insets"]) == 3
     (tmp_path / "report.html").write_text(page(data), "utf-8")
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
@@ -657,7 +659,64 @@ def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_pa
     opened.page.set_viewport_size({"width": 718, "height": 1040})
     with on_paper(opened, "sheets") as pages:
         assert opened.page.evaluate(OVERLAPS) == []
-        assert [pages(size) for size in ("A4", "Letter")] == [1, 1]
+        assert [pages(size) for size in ("A4", "Letter")] == [4, 4]
+        assert "Of cases" in opened.page.inner_text(".sheet .stack")
+        table, chart = (opened.page.locator(f".sheet .pair {own}").bounding_box() for own in ("table", "figure"))
+        assert table["x"] + table["width"] <= chart["x"]
+        assert "Approved" in opened.page.inner_text(".sheet")
+        scene, picture = (opened.page.locator(f".answer.chosen {own}").bounding_box() for own in (".scene", "figure"))
+        assert scene["height"] > 0.7 * picture["height"]  # it was as narrow as two insets in a row left it
+    assert opened.wrong == []
+    opened.context.close()
+
+
+def test_what_is_drawn_how_lay_on_the_answer_of_four_contacts_on_paper(browser, tmp_path):
+    """A cover on a block on a base, and a stop that follows the block: four cuts, and captions within the sheet."""
+    parts = {
+        "base with a pocket": fo.cut(
+            fo.Box((80, 40, 30), centre=(0, 0, 5)), fo.Box((60, 40, 20.1), centre=(0, 0, 10.05))
+        ),
+        "hardened block": fo.Box((20, 20, 12), centre=(0, 0, 6)),
+        "cover that is screwed on": fo.Box((30, 30, 4), centre=(0, 0, 14)),
+        "stop of the block": fo.Box((10, 10, 6), centre=(15, 0, 3)),
+    }
+    between = [
+        ("hardened block", "base with a pocket"),
+        ("cover that is screwed on", "hardened block"),
+        ("stop of the block", "base with a pocket"),
+        ("stop of the block", "hardened block"),
+    ]
+    sizes = [
+        fo.Size("height", "hardened block", faces="+z", tolerance=0.1),
+        fo.Size("width", "hardened block", faces="+x", tolerance=0.1),
+    ]
+    motions = {
+        "hardened block": fo.Translation("z"),
+        "cover that is screwed on": fo.Translation("z"),
+        "stop of the block": fo.Translation("x"),
+    }
+    asked = fo.Assembly(parts, between, sizes, motions, unit="mm", made={"height": 0.1, "width": 0.1}, name="large")
+    case = assembly_report(fo.solve(asked))
+    assert len(case["picture"]["insets"]) == 4
+    file = {"file": "four.toml", "title": "four", "note": "", "sha256": "0" * 64, "cases": [0]}
+    (tmp_path / "report.html").write_text(assembly_page([file], [case]), "utf-8")
+    opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
+    for width in (1280, 800, 390):
+        opened.page.set_viewport_size({"width": width, "height": 900})
+        assert opened.page.evaluate(OVERLAPS) == []
+        assert opened.page.evaluate(CUT_OFF) == []
+    for size, width, height in (("A4", 718, 1040), ("Letter", 740, 980)):
+        opened.page.set_viewport_size({"width": width, "height": height})
+        with on_paper(opened, "sheets") as pages:
+            assert opened.page.evaluate(OVERLAPS) == []
+            assert pages(size) == 1 + bool(case["stacks"])
+            captions = opened.page.locator(".insets text").evaluate_all(
+                "all => all.map(e => e.getBoundingClientRect())"
+            )
+            assert min(own["left"] for own in captions) >= 0.0
+            assert max(own["right"] for own in captions) <= width
+            shown = opened.page.locator(".insets svg").evaluate_all("all => all.map(e => getComputedStyle(e).overflow)")
+            assert set(shown) == {"visible"}
     assert opened.wrong == []
     opened.context.close()
 

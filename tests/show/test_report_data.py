@@ -740,7 +740,9 @@ def test_the_gap_that_a_contact_keeps_was_called_apart_and_no_more():
     (stack,) = told["stacks"]
     assert stack["of"] == "cover and slide"
     assert stack["yield"]["limits"] == "of at least 0.01 mm"
-    assert stack["yield"]["share"] == "100.00%"  # of .05 to .15
+    assert stack["yield"]["what"] == "fit without a further motion"  # no share of scrap: motions close the others
+    assert stack["yield"]["share"] == "100.0000%"  # of .05 to .15
+    assert stack["yield"]["of"] == "of 1,000,000 pairs drawn"  # as `stack` draws
     assert len(told["picture"]["insets"]) == 2  # the contact, and the gap
 
 

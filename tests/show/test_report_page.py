@@ -95,7 +95,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
             "beyond": [False, True],
             "shares": [{"size": text, "half": 0.05, "coefficient": -0.5, "worst": 1.0, "variance": None}],
             "notes": [f"not counted {text}"],
-            "yield": {"limits": "of at least 0", "share": "99.00%", "of": "of 100 pairs drawn"},
+            "yield": {"what": "fit", "limits": "of at least 0", "share": "99.00%", "of": "of 100 pairs drawn"},
             "chart": "<svg></svg>",
         },
         "unit": "",

@@ -60,7 +60,7 @@ def page(payload: Data) -> str:
     Text from the payload is escaped wherever it stands.
     """
     cases, files = payload["cases"], payload["files"]
-    shared = _shared_stacks(cases)
+    shared = _shared_stacks(cases, files)
     tabled = {cell["case"] for table in payload["matrices"] for cell in table["cells"].values()}
     return whole_page(
         "page.html",
@@ -82,8 +82,8 @@ def page(payload: Data) -> str:
     )
 
 
-def _shared_stacks(cases: Sequence[Data]) -> dict[int, Data]:
-    """Return by the numbers of cases the stack-ups that several have, each with an identifier and the cases' names."""
+def _shared_stacks(cases: Sequence[Data], files: Sequence[Data]) -> dict[int, Data]:
+    """Return by the numbers of cases the stack-ups that several have, with an identifier, cases, file and parts."""
     known = list[tuple[Data, list[int]]]()
     for number, case in enumerate(cases):
         own = {key: value for key, value in (case["stack"] or {}).items() if key != "chart"}
@@ -95,8 +95,9 @@ def _shared_stacks(cases: Sequence[Data]) -> dict[int, Data]:
     shared = dict[int, Data]()
     for _, numbers in (each for each in known if len(each[1]) > 1):
         names = texts.listed([cases[number]["name"] for number in numbers]) * (len(numbers) < len(cases))
-        stack = {**cases[numbers[0]]["stack"], "id": f"stack-{numbers[0]}", "cases": names}
-        shared |= dict.fromkeys(numbers, stack)
+        first = cases[numbers[0]]
+        of = {"file": files[first["file"]], "parts": [body["name"] for body in first["bodies"][:2]]}
+        shared |= {key: {**first["stack"], "id": f"stack-{numbers[0]}", "cases": names, **of} for key in numbers}
     return shared
 
 
@@ -117,18 +118,17 @@ def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     `files` have each "file", "title", "note", "sha256", "meshes", the numbers of its "cases", and an "error" or None;
     `cases` are as `assembly_report` returns them.
     """
-    titles = [file["title"] or file["file"] for file in files]
     of = {number: file for file in files for number in file["cases"]}
-    firsts = ((file["file"], cases[file["cases"][0]]) for file in files if file["cases"])
-    stacks = [(file, own) for file, case in firsts for own in case["stacks"]]  # as drawn: alike for all of a file
+    firsts = ((file, cases[file["cases"][0]]) for file in files if file["cases"])  # as drawn: alike for all of a file
+    stacks = [{**own, "file": file, "parts": case["parts"]} for file, case in firsts for own in case["stacks"]]
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
         figures={"cases": [case["figure"] for case in cases]},
-        title="; ".join(titles),
+        title="; ".join(file["title"] or file["file"] for file in files),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
         cases=[{"file": of[number], "number": number, **case} for number, case in enumerate(cases)],
-        stacks=[{**own, "id": f"stack-{k}", "file": file} for k, (file, own) in enumerate(stacks)],
+        stacks=[{**own, "id": f"stack-{k}"} for k, own in enumerate(stacks)],
         arrows=ARROWS,
         inputs=_inputs(files),
         versions=(versions := made()).items(),

@@ -27,7 +27,6 @@ from fcdm_opt.show.stacks import (
 from fcdm_opt.show.texts import NONE, listed, number, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
-DRAWS = 100_000  # pairs of parts drawn
 FEW, MOST = 4, 8  # stack-ups of an assembly that are told one by one, and contacts that are looked at for them
 SQUARED, SHARED = "Root sum square, ± 3 sigma", "99.73 % of pairs drawn"
 PLACES = 6
@@ -105,7 +104,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
             noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
             gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
             shares, notes, what = contributions_of(found), [*stack_notes(found), *found.known_to], SQUARED
-            drawn = found.yield_(DRAWS)
+            drawn = found.yield_()
             if any(beyond := [not gaps[0] - noise <= x <= gaps[1] + noise for x in ends]):
                 what = SHARED
                 ends = [0.0 if abs(x) <= noise else x for x in (drawn.low, drawn.high)]
@@ -131,7 +130,8 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
             for what, gap, at in zip(("least", "largest"), gaps, (worst.at_least, worst.at_largest), strict=True)
         ],
         "spread": {"what": what, "ends": ends},
-        "yield": {"limits": drawn.limits_text, "share": f"{drawn.share:.2%}", "of": f"of {drawn.count:,} pairs drawn"},
+        "yield": {"what": f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
+                  "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"},
         "chart": inline_svg(gap_figure(found, drawn), name),
         "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
