@@ -419,16 +419,17 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return self.changed(motion=motion, **same, **kept), dropped
 
     def deviating(self, share: float) -> Problem:
-        """Return the same question with a share of the deviation from nominal: of its tolerance, or of its target's."""
+        """Return the same question with a share of the deviation of its tolerance, or target, and of its sizes made."""
+        sizes = {"made": {name: share * value for name, value in self.made.items()}} if self.made else {}
         if self.tolerance is not None:
-            return self.changed(tolerance=(share * self.tolerance).tolist())
+            return self.changed(tolerance=(share * self.tolerance).tolist(), **sizes)
         nominal = self.nominal_pair
-        return self.changed(target=(nominal + share * (self.target - nominal)).tolist())
+        return self.changed(target=(nominal + share * (self.target - nominal)).tolist(), **sizes)
 
     @property
     def deviates(self) -> bool:
-        """Whether the target pair is off the nominal one."""
-        return bool(self.signs.any())
+        """Whether the target pair is off the nominal one, or a size off drawn."""
+        return bool(self.signs.any()) or any((self.made or {}).values())
 
     def curve_after(self, transform: Array | None, rho: Array) -> DecisionCurve:
         """Return the decision curve after a motion; of large bodies about a scale pair, to tell what touches there."""

@@ -378,6 +378,24 @@ def test_the_peg_that_is_too_large_needs_all_four_limits_to_be_stuck():
     assert found.solves <= 60
 
 
+def test_a_motion_out_of_its_slot_was_offered_as_a_cure():
+    """A cube with .01 of play on either side, its right one .05 further out: up to .02, two fifths of it, fits."""
+    slot = Body.from_parts([[*product((-3, -1.01), (-1, 1), (-1, 1))], [*product((1.01, 3), (-1, 1), (-1, 1))]])
+    right = Size("right", "movable", faces="+x", tolerance=0.05)
+    asked = Problem(
+        CUBE, slot, sizes=[right], made={"right": 0.05}, goal="clear", motion=X, limits={"TX": (-0.02, 0.02)}
+    )
+    found = conflicts(asked)
+    assert [clash.names for clash in found.clashes] == [("lower limit of TX", "upper limit of TX")]
+    assert [own.cures for own in found.relaxations] == [False, False]
+    assert [own.by for own in found.relaxations] == pytest.approx([4.05 - 0.02, 4.0 - 0.02], abs=1e-6)
+    assert found.deviation is not None
+    assert found.deviation.value == pytest.approx(0.4, abs=2e-6)
+    *_, told, lower, upper = str(found).splitlines()
+    assert told.startswith("with 40 % of the deviation from nominal (right +0.02) a motion is found")
+    assert all("cures nothing alone (any motion found then leaves the place" in own for own in (lower, upper))
+
+
 def test_small_shares_of_a_deviation_that_fit_were_said_not_to():
     """A cube in a slot 1 % wider than it, made up to 50 % larger: 2 % of that fit; of one as wide, none."""
     for play, share in ((0.01, 0.02), (0.0, 0.0), (-0.1, math.nan)):

@@ -315,3 +315,41 @@ def test_a_wall_beside_a_contact_was_gone_through_by_poses_without_a_window() ->
             assert pose.parameters == pytest.approx({"block.TX": shift}, **NEAR)
             assert (pose.worst_gap, pose.least.gap) == pytest.approx((off, -off), **NEAR)
             assert pose.passed
+
+
+def test_it_was_not_told_why_parts_in_a_row_leave_a_rest_of_the_same_worst_gap() -> None:
+    """A pusher against a slider on a base up to .05 higher, with no contact of its own there: it is to be clear of it.
+
+    The slider carries it: each lifts half of .05. The pusher's face sets the worst gap, .1, and that is rest's, too.
+    """
+    slider, half = box((0, 0, 0), (10, 10, 10), "slider"), 0.025
+    sizes = [fo.Size("top", "base", faces="+z", tolerance=0.05), fo.Size("face", "pusher", faces="+x", tolerance=0.1)]
+    contacts = [("slider", "base"), ("pusher", "slider")]
+    for drawn, more, lift in ((0.0, (), half), (0.05, (), 0.0), (0.0, [("pusher", "base")], 0.0)):
+        pusher = box((-10, 0, drawn), (0, 10, 10), "pusher")
+        parts = {"base": box((-20, -9, -5), (20, 20, 0), "base"), "slider": slider, "pusher": pusher}
+        motions = {"slider": Z, "pusher": X >> Z}
+        pose = fo.best_pose(fo.Assembly(parts, [*contacts, *more], sizes, motions, follows={"pusher": "slider"}))
+        assert [*pose.parameters.values()] == pytest.approx([lift, 0.0, lift], **NEAR)
+        assert pose.worst_gap == pytest.approx(0.1, **NEAR)
+        assert pose.passed
+        why = ("pusher and base, which are kept clear of each other, at worst overlap by 0.05",) * (lift > 0.0)
+        assert pose.too_near_at_rest == why
+        assert f"at rest {why[0] if why else ''}" in str(pose) or not why
+
+
+def test_a_keep_out_that_rest_is_too_near_to_is_told_and_left_by_no_more_than_it_takes() -> None:
+    """By .2; it was 3.4 where a search found the same worst gap, or none, below the table, out of the place."""
+    post = fo.KeepOut(box((10.3, -5, 0), (12, 5, 9), "post"), clearance=0.5)
+    asked = fo.Problem(
+        box((0, -5, 0), (10, 5, 9), "block"), box((-9, -9, -5), (20, 9, 0), "table"), goal="touch", motion=X >> Z,
+        sizes=[fo.Size("top", "static", faces="+z", tolerance=0.05)], keep_out=[post],
+    )  # fmt: skip
+    pose = fo.best_pose(asked)
+    assert pose.parameters == pytest.approx({"TX": -0.2, "TZ": 0.0}, **NEAR)
+    above = fo.best_pose(asked, clearance=(0.0, np.inf))
+    assert above.parameters == pytest.approx({"TX": -0.2, "TZ": 0.05}, **NEAR)
+    assert pose.too_near_at_rest == (
+        "block and post, which are kept clear of each other, at worst are 0.3 apart, a clearance of 0.5 is required",
+    )
+    assert pose.to_dict()["too_near_at_rest"] == list(pose.too_near_at_rest)

@@ -98,6 +98,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         contact that the motion can open counts.
     permanent_parts : tuple of (int, int)
         Their part pairs.
+    too_near_at_rest : tuple of str
+        Parts and keep-outs that rest is not clear of as asked, so that it is no pose, in words with their least gap.
     permanent_faces : set of (int, int), or None
         Of bodies with round faces their faces, see `TouchingSizes.permanent_faces`.
     """
@@ -105,7 +107,7 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
     plain_names: ClassVar[tuple[str, ...]] = (
         "status", "parameters", "motion", "transform", "transforms", "contacts", "amount", "worst_gap", "violation",
         "least", "most", "value",
-        "lower_bound", "certified", "cells", "checks", "sizes", "window", "standing", "seconds",
+        "lower_bound", "certified", "cells", "checks", "sizes", "window", "standing", "too_near_at_rest", "seconds",
     )  # fmt: skip
     status: Verdict
     parameters: dict[str, float]
@@ -128,6 +130,7 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
     unit: str = ""
     problem: Problem | Assembly | None = field(default=None, repr=False)
     standing: tuple[str, ...] = ()
+    too_near_at_rest: tuple[str, ...] = ()
     permanent_parts: tuple[tuple[int, int], ...] = ()
     permanent_faces: frozenset[tuple[int, int]] | None = None
     transforms: Mapping[str, Array] = field(default_factory=dict)
@@ -238,7 +241,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
-        return "; ".join([told, judged, *outside, *not_counted(self.standing), *middle]) + several
+        near = [f"at rest {own}" for own in self.too_near_at_rest]
+        return "; ".join([told, *near, judged, *outside, *not_counted(self.standing), *middle]) + several
 
     @property
     def refusal(self) -> str:
@@ -370,8 +374,9 @@ def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed:
     else:
         best, bound = least_moved(worst, best, first), _proved(search)
     if _outside(problem, best) and not _outside(problem, first):
-        best, bound = first, 0.0  # what is proved is of poses outside the fit too
-        inside = windowed and best.off.value <= slack
+        inside = windowed and first.off.value <= slack
+        near = smaller(worst, first, slack) if inside else least_moved(worst, first, first)
+        best, bound = first if _outside(problem, near) else near, 0.0  # what is proved is of poses outside the fit too
     steps = steps_of(problem)
     if steps.any():
         best = stepped(worst, best, steps, slack, amounts=inside)
@@ -492,6 +497,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         unit=problem.unit,
         problem=problem,
         standing=worst.scene.permanent_in_words,
+        too_near_at_rest=tuple(worst.too_near(np.zeros(len(q)))),
         permanent_parts=tuple(worst.scene.permanent),
         permanent_faces=frozenset() if isinstance(gaps, ContactGaps) and gaps.exact else None,
     )

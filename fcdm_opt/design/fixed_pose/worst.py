@@ -19,6 +19,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.measures import least_vector
 from fcdm_opt.geometry.solids import contains
+from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.problem.assembly import Assembly
@@ -145,6 +146,15 @@ class Worst:
         first, then = (off, overlap) if self.kept_first else (overlap, off)
         clear = first <= self.problem.contact_slack
         return Off(then if clear else FAR * self.scene.size + first, found, rows, max(off, overlap), clear)
+
+    def too_near(self, q: Array) -> Iterator[str]:
+        """Yield in words what is not as clear of each other at parameters q as it is to be, at all sizes."""
+        slack = self.problem.contact_slack
+        for kept in self.keep_out:
+            one, two, off = kept.scene.movable.name, kept.scene.static.name, kept.off(q).value
+            if off > slack:
+                gap = gap_text(kept.low - off, slack, self.problem.unit, kept.low)
+                yield f"{one or 'movable'} and {two or 'static'}, which are kept clear of each other, at worst {gap}"
 
     def extremes(self, q: Array, rows: Any, *window: tuple[float, float]) -> Extremes:
         """Return the least and the largest gap over all sizes at parameters q, whose rows are given."""

@@ -63,14 +63,18 @@ class Conflicts(Plain):
             lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure})", clash.reason))))
         if not self.complete:
             lines.append("there may be others that clash, as few or fewer")
-        least = sorted(self.relaxations, key=lambda one: one.amount if one.cures else math.inf)
-        lines += [f"to relax alone: {one}" for one in least]
+        cures = sorted((one for one in self.relaxations if one.cures), key=lambda one: one.amount)
+        lines += [f"to relax alone: {one}" for one in cures]
         if self.deviation is not None:
-            value, found = 100.0 * self.deviation.value, "deviation from nominal a motion is found (sampled)"
-            share = f"{value:.6g} % of the" if value > 0.0 else "no share, however small, of the"
+            value, made = self.deviation.value, self.problem.made or {}
+            share = f"{100.0 * value:.6g} % of the" if value > 0.0 else "no share, however small, of the"
+            off = [f"{own.name} {own.deviation_text(value * made[own.name], self.problem.unit)}"
+                   for own in self.problem.sizes if value > 0.0 and made.get(own.name)]  # fmt: skip
+            named = f" ({', '.join(off)})" * bool(off)
             none = ", nor without any deviation" * math.isnan(value)
-            lines.append(f"with {share} {found}{none}")
+            lines.append(f"with {share} deviation from nominal{named} a motion is found (sampled){none}")
         lines += [f"try {trial}" for trial in self.trials]
+        lines += [f"to relax alone: {one}" for one in self.relaxations if not one.cures]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
     def to_dict(self) -> dict[str, Any]:

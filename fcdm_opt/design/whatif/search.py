@@ -72,7 +72,8 @@ class LeastRelaxation(PlainMotion):
     name: str
     cures: bool  # whether relaxing or dropping this constraint alone makes the problem solvable
     # least relaxation that does, in `unit`: how far a limit is widened or a clearance reduced; for "whole steps" how
-    # often the steps are halved. Infinite where only dropping it does, nan where it cures nothing
+    # often the steps are halved. Infinite where only dropping it does, nan where nothing does; where no more than a
+    # motion out of the fit is found, that of this motion, which cures nothing
     by: float = math.nan
     value: float = math.nan  # the limit or clearance that is left; nan where it is no number
     unit: str = ""  # "length", "radian", "halvings" or ""
@@ -98,9 +99,7 @@ class LeastRelaxation(PlainMotion):
         done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths)}"
         done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths)}"
         amount = measured(self.amount, question.amount_unit if question else "")
-        out = self.solution is not None and self.solution.status is Status.OUTSIDE_FIT
-        notes = "; ".join(filter(None, (self.note, out * "takes it out of the place it is drawn in")))
-        return f"{self.name}: {done}, amount {amount}" + (f" ({notes})" if notes else "")
+        return f"{self.name}: {done}, amount {amount}" + (f" ({self.note})" if self.note else "")
 
 
 def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 6) -> str:
@@ -266,16 +265,20 @@ class ClashSearch:
 
     def least_relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept, with what the motion then goes through."""
-        found = self._relaxation(constraint)
-        passed = gone_through(found.solution) if found.solution is not None and found.solution.usable else []
+        name, inside = constraint.name, self.inside
+        dropped = self.alone(self.names - {name} - {other.name for other in self.constraints if other.includes == name})
+        self.inside = inside or dropped.usable
+        found = self._relaxation(constraint, dropped)
+        self.inside = inside
+        if found.solution is not None and not found.solution.usable:
+            return replace(found, cures=False, note="any motion found then leaves the place it is drawn in")
+        passed = gone_through(found.solution) if found.solution is not None else []
         through = {one: " and ".join(other for first, other in passed if first == one) for one, _ in passed}
         notes = (f"straight there {one} goes through {others}" for one, others in through.items())
         return replace(found, note="; ".join(filter(None, (found.note, *notes))))
 
-    def _relaxation(self, constraint: Constraint) -> LeastRelaxation:
+    def _relaxation(self, constraint: Constraint, dropped: Bounded) -> LeastRelaxation:
         name = constraint.name
-        others = self.names - {name} - {other.name for other in self.constraints if other.includes == name}
-        dropped = self.alone(others)
         common = LeastRelaxation(name=name, cures=self.meets(dropped), unit=constraint.unit, solution=dropped)
         if not self.meets(dropped):
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
@@ -377,7 +380,7 @@ class ClashSearch:
                 solutions[share] = self.solved(self.problem.deviating(share))
             except InputError:  # the goal does not hold at these sizes
                 return False
-            return self.meets(solutions[share])
+            return solutions[share].usable
 
         name, note = "deviation from nominal", "sampled"
         tried = next((k for k in range(SHARES - 1, -1, -1) if can(k / SHARES)), -1)
