@@ -72,9 +72,8 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     faces, point = true_faces(body), np.array(place)
     size = faces.body.size
     near = faces.at(point)
-    if (
-        near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size
-    ):  # as at the edge: else a piece too small to hold
+    # beside an edge as at it, else a piece would be too small to hold
+    if near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size:
         near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
