@@ -198,6 +198,11 @@ def left() -> float:
     return end - clock() if end < math.inf else math.inf
 
 
+def given() -> float:
+    """Return the seconds that the limit was given as, infinitely many where none is set."""
+    return _limit.get().seconds
+
+
 def limited() -> bool:
     """Tell whether a time is given."""
     return _limit.get().end < math.inf

@@ -267,8 +267,10 @@ def test_points_are_taken_as_workers_become_free(tmp_path: Path) -> None:
             yield point
 
     with workers("joblib", 2, None, limit=None, work=fragile, loaded=nothing) as answers:
-        for done, _ in enumerate(answers(source())):
-            assert taken <= done + 9
+        found = answers(source())
+        next(found)
+        assert taken < 40  # 9, and those that are done while this process waits for a core
+        assert len(list(found)) == 59
     assert taken == 60
 
 
