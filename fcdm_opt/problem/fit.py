@@ -298,6 +298,8 @@ class _ClosedWalls(NamedTuple):
             )
             if not all(map(any, zip(*own.faces, strict=True))):
                 continue  # two edges: no face of either ends there
+            if problem.motion.turning.any() and not all(map(all, own.faces)):
+                continue  # an edge of either: a turn changes such a width
             if own.inner - own.outer > bow or true_widths(problem, own) is not None:
                 least, found = float(gaps[k] + gaps[j]), own
         return found

@@ -83,29 +83,38 @@ def _refused_text(solution: Solution) -> str:
     return f"{REFUSED[solution.status.name]}{why}"
 
 
-def _solved(scene: Scene, **changes: Any) -> Any:
-    """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
+def _solved(scene: Scene) -> Any:
+    """Return the answer to a question, None where it cannot be used, or the time does not last."""
     from fcdm_opt.solver import solve
 
-    found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+    found = pacing.in_time(partial(solve, effort="quick"), scene, late=None)
     return found if found is not None and found.usable else None
 
 
 @lru_cache(maxsize=4)
 def barring(scene: Scene) -> str:
-    """Return which keep-outs are in the way of a scene, in words: without one, or all, it is solved; else ""."""
-    every = scene.keep_out
-    if not every or _solved(scene, keep_out=()) is None:
+    """Return which keep-outs, and clearances of an assembly, are in the way, in words: without these it is solved."""
+    from fcdm_opt.design.whatif.constraints import constraints, without
+    from fcdm_opt.design.whatif.fitting import ACCURACY, largest_clearance
+
+    every = {f"keep-out {own.name!r}": f"keep-out {own.name}" for own in scene.keep_out}
+    contacts = {own.name: own.value for own in constraints(scene) if own.name.startswith("contact ") and own.value > 0}
+    every |= {name: f"{name} (clear by {length_text(scene, value)})" for name, value in contacts.items()}
+    if not every or _solved(without(scene, every)) is None:
         return ""
-    others = {own.name: [other for other in every if other is not own] for own in every if len(every) > 1}
-    single = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
-    names = [f"keep-out {name}" for name in single or [own.name for own in every]]
-    return f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
+    single = [name for name in every if len(every) == 1 or _solved(without(scene, [name])) is not None]
+    names = [every[name] for name in single or every]
+    told = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
+    if len(single) == 1 and single[0] in contacts:
+        most = pacing.in_time(largest_clearance, scene, single[0], late=0.0)
+        kept = measured(texts.floored(most * (1.0 + ACCURACY), 3), scene.unit)
+        told += f"; at most {kept} can be kept" * (most > 0.0)
+    return told
 
 
 def _without_clearance(problem: Problem, why: str) -> str:
     """Return that parts fit without a clearance, with why not with one; "" where they do not."""
-    bare = _solved(problem, clearance=0.0)
+    bare = _solved(problem.changed(clearance=0.0))
     if bare is None:
         return ""
     contact = contact_text(bare.problem, bare.features, bare.transform)
@@ -399,7 +408,7 @@ def name_of(problem: Problem, body: int) -> str:
     return texts.shortened(name, NAME) if name else ("the movable part", "the static part")[body]
 
 
-def length_text(problem: Problem, length: float) -> str:
+def length_text(problem: Scene, length: float) -> str:
     """Return a length to four digits with its unit; rounding is 0."""
     return measured(
         texts.number(0.0 if abs(length) <= texts.NOTHING * problem.size else length, texts.DIGITS), problem.unit

@@ -289,11 +289,37 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     assert told.endswith(words)
     joined = {"parts": ("peg", "plate"), **given}
     both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)
-    assert str(fo.solve(both)).endswith(words)
+    either = words.replace("stop,", "stop or contact peg - plate (clear by 0.15),")
+    assert str(fo.solve(both)).endswith(either)
     tight = fo.solve(both.changed(limits={"peg": {"TX": (-1, 1)}}))
-    assert str(tight).endswith(f"choose another motion. I{words[1:]}.")
+    assert str(tight).endswith(f"choose another motion. I{either[1:]}.")
     free = fo.solve(both.changed(keep_out=stops[1:]))
     assert str(free).startswith("move peg 0.15 along +x: then every contact is kept apart as asked; ")
+
+
+def test_a_clearance_of_an_assembly_that_cannot_be_kept_was_not_named() -> None:
+    """A block on its base, 0.5 below a camera, is 0.4 higher: 0.1 of the 0.3 asked for is there."""
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 10), 5), "camera": ((6, 6, 4), 12.5)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    contacts = [("block", "base"), {"parts": ("block", "camera"), "goal": "clear", "clearance": 0.3}]
+    taller = {"sizes": [fo.Size("height", "block", faces=["+z"], tolerance=0.5)], "made": {"height": 0.4}}
+    both = fo.Assembly(parts, contacts, motions={"block": fo.Translation("z")}, unit="mm", **taller)
+    told = "In the way: contact block - camera (clear by 0.3 mm), without which there is a motion; at most "
+    assert str(fo.solve(both)).endswith(told + "0.1 mm can be kept.")
+    (cure,) = (one for one in fo.conflicts(both).relaxations if one.cures)
+    assert (cure.name, cure.value) == ("contact block - camera", pytest.approx(0.1, rel=1e-6))
+
+
+def test_a_key_that_is_turned_in_its_socket_was_told_not_to_fit_by_its_corners() -> None:
+    """10 square, 3 degrees off, is 10 (cos + sin) = 10.51 across its socket of 10.2, and lies in the floor."""
+    socket = fo.cut(fo.Box((20, 20, 10), centre=(0, 0, 0)), fo.Box((10.2, 10.2, 10), centre=(0, 0, 5)), name="socket")
+    turned, angle = np.eye(4), math.radians(3)
+    turned[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    key = fo.Box((10, 10, 20), centre=(0, 0, 9.5), name="key").moved(turned)
+    asked = fo.Problem(key, socket, target=(1, 1), goal="clear", motion=fo.Rotation("z"), length=10, unit="mm")
+    assert "overlap by 0.5 mm" in verdict_text(fo.solve(asked))
+    slid = verdict_text(fo.solve(asked.changed(motion=fo.Translation("x"), length=None)))
+    assert slid.startswith("does not fit: key 10.51 mm in socket 10.20 mm, ")
 
 
 def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:

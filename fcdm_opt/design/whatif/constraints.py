@@ -16,7 +16,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import Plain, plain
-from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution, kept_clear_by
+from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -150,13 +150,23 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
 
 
 def _meeting(assembly: Assembly, pair: JoinedPair) -> Constraint:
-    """Return that two parts of an assembly meet as is asked; without it, they only do not overlap."""
+    """Return that two parts of an assembly meet, or are as far apart, as is asked; without it, they do not overlap."""
+    value = pair.asked.get("clearance", 0.0) if pair.asked.get("goal") == "clear" else 0.0
 
     def changed(assembly: Assembly, by: float) -> Assembly:
-        asked = [JoinedPair(*own[:2], CLEAR) if own[:2] == pair[:2] else own for own in assembly.contacts]
-        return assembly.changed(contacts=[{"parts": own[:2], **own.asked} for own in asked], follows=assembly.follows)
+        less = {**pair.asked, "clearance": value - by} if by < value else CLEAR
+        asked = [{"parts": own[:2], **(less if own[:2] == pair[:2] else own.asked)} for own in assembly.contacts]
+        return assembly.changed(contacts=asked, follows=assembly.follows)
 
-    return replace(_passed(f"contact {pair}", f"contact: {pair}", {}), changed=changed)
+    whole = replace(_passed(f"contact {pair}", f"contact: {pair}", {}), changed=changed)
+    if not value > 0.0:
+        return whole
+
+    def excess(_: AssemblySolution, certificate: Certificate) -> float:
+        return value - next((own.value for own in certificate.checks if own.name == kept_apart(*pair[:2])), -math.inf)
+
+    slack = assembly.contact_slack
+    return replace(whole, excess=excess, value=value, unit="length", most=value, outward=-1.0, slack=slack)
 
 
 def _passed(name: str, check: str, instead: dict[str, Any], unit: str = "") -> Constraint:

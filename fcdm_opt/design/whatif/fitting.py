@@ -12,6 +12,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
+from fcdm_opt.design.whatif.constraints import constraints
 from fcdm_opt.errors import InputError
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.keep_out import holds_seed
@@ -46,12 +47,14 @@ def _largest(holds: Callable[[float], bool], most: float) -> float:
     return largest_share(holds, least, most, accuracy=ACCURACY)[0] if holds(least) else 0.0
 
 
-def largest_clearance(problem: Problem) -> float:
+def largest_clearance(scene: Scene, name: str = "clearance") -> float:
     """Return the largest clearance that a motion leaves where none leaves that asked for, by bisection; length units.
 
-    As with `fits_up_to` one crossing is taken for granted. 0 where nothing is left.
+    Of an assembly that of the contact with a name in `constraints`. As with `fits_up_to` one crossing is taken for
+    granted. 0 where nothing is left.
     """
-    return _largest(lambda need: solve(problem.changed(clearance=need), effort="quick").usable, problem.clearance)
+    own = next(one for one in constraints(scene) if one.name == name)
+    return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
 
 
 def fits_up_to(problem: Problem) -> float | None:
