@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import zip_longest
 from math import hypot, nan
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -156,57 +157,75 @@ class _Solving:
             refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
             if not any(refined):
                 break
-        met = self._moved(group, parts, problems, answer)
+        met = self._moved(group, parts, asked, answer, rounds)
         return met._replace(open_=open_amounts(asked, answer.q)) if assembly.amount == "weighted" else met
 
     def _moved(
-        self, group: Sequence[JoinedPair], parts: Sequence[str], problems: Sequence[Problem], answer: Answer
+        self,
+        group: Sequence[JoinedPair],
+        parts: Sequence[str],
+        asked: Sequence[Problem],
+        answer: Answer,
+        rounds: Sequence[Exchange | None] = (),
     ) -> _Met:
-        """Return how a group is met by an answer in the parameters of some parts."""
+        """Return how a group is met by an answer in the parameters of some parts, with the true gaps of round faces."""
         assembly = self._assembly
         shared = tuple(pair[:2] for pair in group if pair in assembly.contacts)
         stage = f"{', '.join(map(str, group))} (stage {answer.stage})"
         met = _Met(answer.status, {}, answer.lower_bound, stage, answer.active, {}, shared=shared)
         if answer.q is None:
             return met
-        rounding = np.abs(Task.of(problems[0]).weights * answer.q) <= DEFAULT.tie * assembly.size
+        rounding = np.abs(Task.of(asked[0]).weights * answer.q) <= DEFAULT.tie * assembly.size
         moved = np.where(rounding, 0.0, answer.q)
         answer = replace(answer, q=moved)
         ends = np.cumsum([len(assembly.motions[part].parameters) for part in parts])
         q = dict(zip(parts, np.split(moved, ends[:-1]), strict=True))
         contacts = {}
-        for pair, problem in zip(group, problems, strict=True):
+        for pair, problem, each in zip_longest(group, asked, rounds):
             if pair in assembly.contacts:
+                if each is not None:
+                    task = Task.of(each.problem)
+                    if (gap := task.contact_gap(task.distances(moved))) > each.facets.contact_slack:
+                        each.add_nearest(task.transform(moved), gap)
+                    problem = each.problem
                 own, certificate = judged(reported(problem, Task.of(problem), replace(answer, unique=0.0)))
                 contacts[pair[:2]] = own.with_certificate(certificate, {})
         return met._replace(q=q, contacts=contacts)
 
     def _restored(self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]) -> _Met | None:
         """Return how shifts meet a group of contacts of true faces that touch as drawn, some round; None for others."""
-        touching = [touching_again(own) for own in asked]
+        met = [own for own in asked if own.goal != "clear"]
+        touching = [own if own.goal == "clear" else touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
-        plane = all(is_of_plane_faces(own) for own, each in zip(asked, rounds, strict=True) if each is None)
-        if not (plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
+        flat = (own for own, each in zip(asked, rounds, strict=True) if each is None and own.goal != "clear")
+        plane = all(map(is_of_plane_faces, flat))
+        if not (met and plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
             return None
-        found = restoring_motion(asked)
+        found = restoring_motion(met)
         if found is None or (found.q is None and found.bound < np.inf):
             return None
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
-            rest = zip(group, found.remaining, strict=True)
+            pairs = (pair for pair, own in zip(group, asked, strict=True) if own.goal != "clear")
+            rest = zip(pairs, found.remaining, strict=True)
             gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in rest)
             why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
             answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
             return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
-        for own, points in zip(rounds, found.points, strict=True):
-            if own is not None:
-                own.add(points)
+        points = iter(found.points)
+        for own, each in zip(asked, rounds, strict=True):
+            task = Task.of(own)
+            if own.goal != "clear":
+                touched = next(points)
+                if each is not None:
+                    each.add(touched)
+            elif each.refine(task.transform(found.q)) if each else not task.meets(found.q, DEFAULT.requirement):
+                return None  # what is to be clear is not: the least motion of all is another one
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
         known = not self._prove or all(own.motion.shifts for own in asked)
-        bound = min(found.bound if known else least_restoring(asked, found.q, amount), amount)
+        bound = min(found.bound if known else least_restoring(met, found.q, amount), amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
-        problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
-        return self._moved(group, parts, problems, answer)._replace(open_=(bound, amount))
+        return self._moved(group, parts, asked, answer, rounds)._replace(open_=(bound, amount))
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""

@@ -111,6 +111,8 @@ def coplanar(
     """Return groups of polygons, each within `slack` of the plane of its first one; take the best known first."""
     from scipy.spatial import cKDTree
 
+    if not polygons:
+        return []
     counts = np.array([len(own) for own in polygons])
     middles = np.add.reduceat(points[np.concatenate(polygons)], np.cumsum(counts) - counts) / counts[:, None]
     size = float(np.abs(points).max())

@@ -104,6 +104,11 @@ class Exchange:
         """Make the parts exact at these points."""
         self.points.update(self.with_points(found))
 
+    def add_nearest(self, transform: Array, gap: float) -> None:
+        """Make the parts exact where true faces are nearest after a motion that leaves facets a gap."""
+        near = self.nearest(transform, gap - self.need)[:1]
+        self.add([own for own in near if not self.has(own)])
+
     def with_points(self, found: Sequence[NearestPoints]) -> Points:
         """Return the points of each part with these."""
         new = ([own.points[k].tolist() for own in found if k < len(own.points)] for k in range(len(self.points)))
@@ -327,8 +332,7 @@ def points_of_true_faces(
                 asked.add(near)
                 continue
             if current.pair_gap > slack:  # of parts within the true ones, which are nearer
-                near = asked.nearest(current.transform, current.pair_gap - asked.need)[:1]
-                asked.add([own for own in near if not asked.has(own)])
+                asked.add_nearest(current.transform, current.pair_gap)
             return points
         asked.foresee(worst, before)
         before = worst

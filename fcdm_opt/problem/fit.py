@@ -298,11 +298,17 @@ class _ClosedWalls(NamedTuple):
             )
             if not all(map(any, zip(*own.faces, strict=True))):
                 continue  # two edges: no face of either ends there
-            if problem.motion.turning.any() and not all(map(all, own.faces)):
-                continue  # an edge of either: a turn changes such a width
-            if own.inner - own.outer > bow or true_widths(problem, own) is not None:
+            exact = true_widths(problem, own) is not None
+            if problem.motion.turning.any() and not (exact or self._are_planes(own)):
+                continue  # a turn changes the width between edges, and that of round faces aslant to each other
+            if own.inner - own.outer > bow or exact:
                 least, found = float(gaps[k] + gaps[j]), own
         return found
+
+    def _are_planes(self, found: Misfit) -> bool:
+        """Tell whether all walls are plane faces."""
+        both = zip(map(_round_numbers, drawn_bodies(self.problem)), found.faces, strict=True)
+        return all(own is not None and _number(known, own) < 0 for known, faces in both for own in faces)
 
     def wedged(self) -> Misfit | None:
         """Return what lacks wherever body 1 is shifted, of walls that need not be opposite; None where nothing does.

@@ -280,7 +280,8 @@ def _with_sizes(solution: Solution) -> str:
         return solution.advice
     problem = solution.problem
     names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
-    most = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
+    with pacing.within(10.0):
+        most = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")

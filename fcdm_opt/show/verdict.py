@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Bounded, Solution
 
 CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
+TOLD = 10.0  # seconds that another question may take, which is asked only to say why there is no motion
+NO_FIT = "does not fit: the only motion found"
 EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
@@ -72,7 +74,8 @@ def _refused_text(solution: Solution) -> str:
         more = _without_clearance(problem, why) if asked else ""
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
-        return more or f"does not fit: the only motion found {where}" + f"; {why}" * bool(why)
+        known = f"{solution.stopped}: the only motion found by then" if solution.stopped else NO_FIT
+        return more or f"{known} {where}" + f"; {why}" * bool(why)
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
     if solution.stopped:
@@ -87,7 +90,8 @@ def _solved(scene: Scene) -> Any:
     """Return the answer to a question, None where it cannot be used, or the time does not last."""
     from fcdm_opt.solver import solve
 
-    found = pacing.in_time(partial(solve, effort="quick"), scene, late=None)
+    with pacing.within(TOLD):
+        found = pacing.in_time(partial(solve, effort="quick"), scene, late=None)
     return found if found is not None and found.usable else None
 
 
@@ -106,7 +110,8 @@ def barring(scene: Scene) -> str:
     names = [every[name] for name in single or every]
     told = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
     if len(single) == 1 and single[0] in contacts:
-        most = pacing.in_time(largest_clearance, scene, single[0], late=0.0)
+        with pacing.within(TOLD):
+            most = pacing.in_time(largest_clearance, scene, single[0], late=0.0)
         kept = measured(texts.floored(most * (1.0 + ACCURACY), 3), scene.unit)
         told += f"; at most {kept} can be kept" * (most > 0.0)
     return told

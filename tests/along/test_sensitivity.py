@@ -555,6 +555,7 @@ def test_derivatives_by_faces_are_of_faces_as_drawn_and_read_back_the_same() -> 
     assert fo.verify(again).passed
 
 
+@pytest.mark.slow
 def test_parts_of_a_stepped_shaft_far_from_its_housing_were_held_against_it():
     """A journal of play c whose bore is off by (x, y) goes after it by hypot(x, y) - c: no more holds it than that."""
     shaft = fo.joined(fo.Cylinder(10, 30), fo.Cylinder(6, 25, base=(0, 0, -25)), name="shaft")

@@ -620,6 +620,7 @@ def test_a_round_wall_beside_faces_that_are_none_is_told_with_its_facets(tmp_pat
     assert line in re.sub(r"\s+", " ", run("faces", path).output)
 
 
+@pytest.mark.slow
 def test_a_taper_tells_how_much_farther_than_its_diameter_a_part_moves(tmp_path: Path) -> None:
     """Radii 8 at z = 0 and 9 at z = 40: tan(half angle) is 1/40, and x of the diameter is 20 x along the axis."""
 

@@ -302,6 +302,7 @@ def test_a_part_carried_by_another_has_the_walls_of_that_one() -> None:
     assert fo.verify(stack).passed
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 def test_a_wall_beside_a_contact_was_gone_through_by_poses_without_a_window() -> None:
     """Right of the block .1 is left, less .2 at worst: half of what it lacks is in either post.

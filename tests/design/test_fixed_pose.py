@@ -558,6 +558,7 @@ def test_a_block_in_a_corner_was_left_where_it_is_when_it_may_turn(clearance: An
     )
 
 
+@pytest.mark.slow
 def test_a_hole_that_sizes_make_nearer_than_a_wall_of_none_was_not_looked_at() -> None:
     """A slot's walls are off by .05 at all sizes, the hole by .03 at some: shifted by its play it is off by .02."""
     block = fo.Box((60, 40, 8), centre=(0, 0, -8), name="base", unit="mm")
@@ -587,6 +588,7 @@ def _spigot() -> fo.Problem:
     return fo.Problem(lid, box, sizes=sizes, made={}, goal="clear", motion=motion)
 
 
+@pytest.mark.slow
 def test_the_best_pose_of_a_spigot_was_looked_for_in_two_dozen_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Moved by s along y gaps are from .49 - |(.03, s)| to .51 - s: as far off zero where s = .49955."""
     rounds = list[Any]()
@@ -599,6 +601,7 @@ def test_the_best_pose_of_a_spigot_was_looked_for_in_two_dozen_rounds(monkeypatc
     assert len(rounds) <= 4
 
 
+@pytest.mark.slow
 def test_gaps_were_those_of_facets_where_making_points_exact_came_to_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """The block `pose` prints of a pose beside the middle was of facets, the best pose of true faces."""
     monkeypatch.setattr(true_sizes, "ROUNDS", 4)
@@ -626,6 +629,7 @@ def _countersunk(**more: Any) -> fo.Problem:
     return fo.Problem(screw, plate, tolerance=0.02, requirement="A", goal="clear", motion=fo.Translation("z"), **more)
 
 
+@pytest.mark.slow
 def test_the_best_pose_of_cones_that_overlap_was_that_of_small_pieces_which_slide_off_each_other() -> None:
     """Lifted by s gaps are (s - 6 rho_1 + 5.6 rho_2) / sqrt(2): as far off zero at s = .4."""
     pose = fo.best_pose(_countersunk(), clearance="middle")
@@ -670,6 +674,7 @@ def test_the_best_pose_of_pins_beside_their_holes_was_that_of_their_facets() -> 
     assert clearances(asked).range == pytest.approx((-0.911, 0.02), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_the_best_pose_of_a_taper_had_a_least_gap_that_was_not_the_least() -> None:
     """Radii differ by 8.05 rho_2 - 8.275 rho_1 + .225, and less by a fortieth of how far the plug is put in."""
     plug = fo.joined(fo.Cone(7.3, 8.9, 64, facets=24), fo.Cylinder(8.9, 16, base=(0, 0, 64), facets=24), name="plug")

@@ -191,7 +191,7 @@ def test_a_plate_on_two_pins_was_undecided_all_over() -> None:
     assert at.error.max() < 1e-5
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_kink_of_the_amount_where_a_motion_changes_its_direction_was_searched_for(count: int) -> None:
     rod = fo.Cylinder(5, 30, base=(0, 0, -15), name="rod", unit="mm")
     jaws = [fo.Box((10, 12, 14), centre=(x, 0, 0), name=name, unit="mm") for x, name in ((-10, "left"), (10, "right"))]

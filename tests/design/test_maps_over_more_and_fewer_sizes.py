@@ -68,6 +68,7 @@ def test_a_map_over_one_and_over_three_sizes_was_refused(
     assert (len(grid.rows), len(grid.columns)) == (3 ** max(count - 1, 1), 1 if count == 1 else 3)
 
 
+@pytest.mark.slow
 def test_names_and_numbers_of_panels_side_by_side_stood_on_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fcdm_opt.design.compensation.refined_mesh.GRID", (0.0, 1.0))
     sizes = [fo.Size(name, "movable", faces=name[-2:], tolerance=(-0.027, 0.04)) for name in

@@ -251,7 +251,7 @@ def slotted(ends: tuple[float, ...], length: float, facets: int, middle: float =
     return Body.from_mesh(points, rows.reshape(-1, 3), seed=(0, 0, 0), name="block")
 
 
-@pytest.mark.parametrize("facets", [12, 24, 48, 96])
+@pytest.mark.parametrize("facets", [12, 24, 48, pytest.param(96, marks=pytest.mark.slow)])
 def test_half_turns_that_planes_go_on_from_are_round(facets: int) -> None:
     """The walls of a slot turn against the last facet of its end by less than the next one does, and were taken in."""
     slots = {
@@ -300,6 +300,7 @@ def test_the_ends_of_a_slot_go_with_its_walls() -> None:
     assert stack_up(asked).worst().least == pytest.approx(0.02 - 0.03, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_what_goes_on_from_a_wall_that_moves_is_named() -> None:
     """An end that is half of an oval is no round face, and its first facets would be gone."""
     asked = across_slot(0.8)

@@ -325,6 +325,7 @@ def cover_on_pins(tau: float, goal: str = "seat", *, lands: bool = False) -> fo.
 BETWEEN_BORES = 0.1 / 103.9  # 51.9 (1 + t) = 52 (1 - t); facets out of phase leave .00066
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("goal", "lands"),
     [

@@ -635,6 +635,7 @@ def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_lette
     opened.context.close()
 
 
+@pytest.mark.slow
 def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_paper(browser, tmp_path):
     """A block in a corner, .4, .1 and .01 larger: three cuts on screen, on a phone and on paper."""
     from fcdm_opt.show.report.gather import gather

@@ -18,6 +18,7 @@ from manifold3d import Manifold
 import fcdm_opt as fo
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.problem import fit
 from fcdm_opt.show import verdict
 from fcdm_opt.show.texts import advised, parameter_texts, telling
 from fcdm_opt.show.verdict import answer_text, fit_text, labels_in_words, motion_said, verdict_text
@@ -322,6 +323,18 @@ def test_a_key_that_is_turned_in_its_socket_was_told_not_to_fit_by_its_corners()
     assert slid.startswith("does not fit: key 10.51 mm in socket 10.20 mm, ")
 
 
+def test_a_pin_that_is_tilted_was_told_not_to_fit_by_what_it_is_across_its_bore() -> None:
+    """10 in 10.1, 1 degree off: a turn brings it in line; a shift does not, and then what it is across is told."""
+    plate = fo.cut(fo.Box((30, 30, 20), centre=(0, 0, 10)), fo.Cylinder(5.05, 22, base=(0, 0, -1)), name="plate")
+    turned, angle = np.eye(4), math.radians(1)
+    turned[np.ix_((0, 2), (0, 2))] = [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]]
+    pin = fo.Cylinder(5.0, 30, base=(0, 0, -5), name="pin").moved(turned)
+    asked = fo.Problem(pin, plate, target=(1, 1), goal="clear", motion=fo.Translation("x"), unit="mm")
+    assert verdict_text(fo.solve(asked)).startswith("does not fit: pin ")
+    free = asked.changed(motion=fo.Translation("x") >> fo.Rotation("y", centre="seed"), length=10)
+    assert not fit.verdict(free)
+
+
 def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:
     """3.994 in 4.008 is no .0145."""
     bore = fo.Cylinder(4.008, 12.0, base=(0, 0, -1), facets=16)
@@ -426,7 +439,7 @@ def test_the_clearance_asked_for_stood_in_no_table() -> None:
     assert "goal clear by 1.25 mm: TX -0.25 mm" in str(fo.solve(problem))
 
 
-@pytest.mark.parametrize("facets", [32, 128])
+@pytest.mark.parametrize("facets", [32, pytest.param(128, marks=pytest.mark.slow)])
 def test_what_blocks_a_round_pin_is_told_of_its_true_face(facets: int) -> None:
     """Its facets told TY -.075, and .004, where .05 off by the limit of .02 leaves .03 - .01 of overlap at TY -.02."""
     pin = fo.Cylinder(4, 20, base=(0.05, 0.02, 0), name="pin", unit="mm", facets=facets)

@@ -493,6 +493,7 @@ def test_the_proof_of_a_part_of_which_the_first_piece_is_far_away_was_refused() 
     assert fo.verify(solution, proof=True).passed
 
 
+@pytest.mark.slow
 def test_a_best_pose_of_a_ball_in_a_socket_of_many_faces_was_an_internal_error(tmp_path: Path) -> None:
     """No flat faces touch, and round ones of a body that is looked at in part were taken to have rows all the same."""
     ball, hollow = fo.Sphere(10.0, facets=44, name="ball"), fo.Sphere(10.0, facets=48)

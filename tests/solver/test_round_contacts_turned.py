@@ -83,7 +83,14 @@ def centre_of_least_turn(radii: list[float], seed: np.ndarray) -> np.ndarray:
     return least_squares(off, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
 
 
-@pytest.mark.parametrize("made", [{"b1": 0.05, "b2": 0.05, "b3": 0.05}, {"b1": 0.05}, {"b2": -0.03, "b3": 0.02}])
+@pytest.mark.parametrize(
+    "made",
+    [
+        pytest.param({"b1": 0.05, "b2": 0.05, "b3": 0.05}, marks=pytest.mark.slow),
+        pytest.param({"b1": 0.05}, marks=pytest.mark.slow),
+        {"b2": -0.03, "b3": 0.02},
+    ],
+)
 def test_a_kinematic_coupling_goes_where_six_equations_have_it(made: dict[str, float]) -> None:
     """Facets showed two of its six contacts, and what true parts need was not known."""
     plate = on_three_balls()
@@ -104,6 +111,7 @@ def test_a_kinematic_coupling_goes_where_six_equations_have_it(made: dict[str, f
     assert [float(row(q=q)["gap"]) for row in rows.contacts] == pytest.approx([0.0] * 6, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_the_amount_of_a_coupling_changes_with_its_sizes_as_differences_do() -> None:
     plate, base, made, step = on_three_balls(), grooved(), {"b1": 0.05, "b2": 0.01}, 1e-4
 
@@ -129,6 +137,7 @@ def test_a_stack_up_counts_each_ball_of_a_coupling(turned: float) -> None:
     assert stack.gap({"b1": -0.02, "b2": -0.03, "b3": -0.01}) == pytest.approx(0.01, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_what_if_asks_of_a_solution_what_it_asks_of_its_problem() -> None:
     plate = on_three_balls()
     asked = {"goal": "at", "contacts": "all", "motion": FREE, "sizes": balls(plate)}
@@ -138,6 +147,7 @@ def test_what_if_asks_of_a_solution_what_it_asks_of_its_problem() -> None:
     assert found.changed == ("made",)
 
 
+@pytest.mark.slow
 def test_a_coupling_is_an_assembly_too() -> None:
     plate, base = on_three_balls(), grooved()
     sizes = [fo.Size("all", "plate", faces=[f"sphere radius 3 no. {k}" for k in (1, 2, 3)], each=1, tolerance=0.05)]
@@ -155,6 +165,7 @@ def test_a_coupling_is_an_assembly_too() -> None:
     assert fo.verify(found, proof=True).passed
 
 
+@pytest.mark.slow
 def test_balls_on_rods_rise_as_circles_about_the_rods_do() -> None:
     plate, aside = on_three_balls(), 4.0
     made = {"b1": 0.05, "b2": 0.05, "b3": 0.05}
@@ -170,6 +181,7 @@ def test_balls_on_rods_rise_as_circles_about_the_rods_do() -> None:
     assert fo.verify(one, proof=True).passed
 
 
+@pytest.mark.slow
 def test_cup_groove_and_flat_hold_a_plate_as_lord_kelvin_had_it() -> None:
     """A larger ball in the groove, the others as they were: it turns about the line through their centres."""
     plate = on_three_balls()
@@ -190,6 +202,7 @@ def test_cup_groove_and_flat_hold_a_plate_as_lord_kelvin_had_it() -> None:
         assert len(grown) == 1
 
 
+@pytest.mark.slow
 def test_why_contacts_are_not_restored_by_a_motion_that_turns() -> None:
     """Limits, a lid in the way, and four feet of which one is longer: at once, where it took minutes."""
     plate, made = on_three_balls(), {"b1": 0.05, "b2": 0.05, "b3": 0.05}

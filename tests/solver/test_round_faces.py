@@ -651,6 +651,32 @@ def test_parts_of_an_assembly_meet_on_their_true_faces() -> None:
     assert fo.verify(fo.AssemblySolution.from_dict(json.loads(json.dumps(found.to_dict())))).passed
 
 
+@pytest.mark.parametrize("clearance", [0.0, 0.15])
+def test_what_is_clear_of_an_assembly_is_so_by_its_true_faces_not_by_facets(clearance: float) -> None:
+    """Washers on a pin, .2 off it all around: the facets' .224 was claimed, and the judge refused to move nothing."""
+    frame = fo.joined(fo.Box((30, 30, 4), centre=(0, 0, -2), name="frame"), fo.Cylinder(5, 20, base=(0, 0, -1)))
+    bore, z = fo.Cylinder(5.2, 20, base=(0, 0, -3)), fo.Translation("z")
+    low, up = (fo.cut(fo.Cylinder(9, 3, base=(0, 0, base)), bore) for base in (0, 3))
+    pairs = [("low", "frame"), ("up", "low"), {"parts": ("up", "frame"), "goal": "clear", "clearance": clearance}]
+    parts = {"frame": frame, "low": low, "up": up}
+    found = fo.solve(fo.Assembly(parts, pairs, motions={"low": z, "up": z}))
+    assert found.status is fo.Status.ALREADY_SATISFIED
+    assert found.contacts[2].pair_gap == pytest.approx(0.2, rel=1e-9)
+    assert fo.verify(found).passed
+
+
+def test_a_ball_in_a_cone_below_a_cap_that_is_clear_of_it_overlapped_by_facets() -> None:
+    """A ball of radius 3 in a cone of 45 degrees, at 3 sqrt 2 above its apex, below a cap: nothing is to be moved."""
+    cone = fo.Cone(1.0, 11.0, 10.0, base=(0, 0, 1))
+    base = fo.cut(fo.Box((40, 40, 12), centre=(0, 0, 4)), cone, name="base")
+    ball = fo.Sphere(3.0, centre=(0, 0, 3 * math.sqrt(2)), name="ball")
+    high = fo.Box((40, 40, 4), centre=(0, 0, 12), name="cap")
+    pairs = [("ball", "base"), ("cap", "base"), {"parts": ("cap", "ball"), "goal": "clear", "clearance": 0.3}]
+    found = fo.solve(fo.Assembly([base, ball, high], pairs, motions={"ball": Z, "cap": Z}))
+    assert found.usable
+    assert found.amount == 0.0
+
+
 def test_a_round_part_keeps_clear_of_plane_walls() -> None:
     """A ball is lowered onto a table beside a wall, which it is to keep .5 off: its facets came nearer."""
     table, wall = fo.Box((40, 40, 10), centre=(0, 0, -5)), fo.Box((4, 40, 40), centre=(7.3, 0, 20))
