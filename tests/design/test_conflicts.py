@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from ordinary import CUBE, FAR, box, problems, random_scene
 
+import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
@@ -556,8 +557,21 @@ def test_contacts_that_clash_were_named_without_the_steps_and_sizes_that_do_not_
     made = {"tread": 0.05, "thick": 0.02}
     found = conflicts(Problem(BLOCK, STAIRS, sizes=sizes, made=made, **asked), relax=False, deviation=False)
     assert [clash.sizes for clash in found.clashes] == [("tread",)]
-    assert ", at the sizes made of tread (proved)" in str(found)
+    assert ", at the sizes made (proved); one does with tread as drawn" in str(found)
     assert found.to_dict()["clashes"][0]["sizes"] == ["tread"]
+
+
+def test_a_clash_of_an_assembly_was_told_of_sizes_that_do_not_make_it_alone():
+    """A stack of 4 with .2 above it, .1 high, below a cap .15 low: each alone leaves room, and parts overlap by .05."""
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 4), 2), "cap": ((10, 10, 2), 5.2)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    tall, low = (fo.Size(name, part, faces=[face], tolerance=0.5) for name, part, face in
+                 (("tall", "block", "+z"), ("low", "cap", "-z")))  # fmt: skip
+    asked = {"motions": {"block": Z}, "sizes": [tall, low], "made": {"tall": 0.1, "low": 0.15}}
+    pairs = [("block", "base"), {"parts": ("block", "cap"), "goal": "clear", "clearance": 0.02}]
+    found = str(conflicts(fo.Assembly(parts, pairs, **asked), deviation=False))
+    words = "no motion keeps contact block - base without parts that overlap, at the sizes made of tall, low (proved)"
+    assert words in found
 
 
 def test_a_relaxation_went_through_a_bar_without_a_word():

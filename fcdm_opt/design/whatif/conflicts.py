@@ -16,6 +16,7 @@ from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import unlike_steps, verdict
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
@@ -55,12 +56,15 @@ class Conflicts(Plain):
             if clash.names:
                 *others, last = clash.names
                 every = f"{', '.join(others)} and {last} together" if others else last
-                what = f"no motion keeps {every}"
+                what = f"no motion keeps {every}" + " without parts that overlap" * isinstance(self.problem, Assembly)
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
-            sizes = f", at the sizes made of {', '.join(clash.sizes)}" if clash.sizes else ""
+            some = len(clash.sizes) < sum(map(bool, (self.problem.made or {}).values()))
+            of = f" of {', '.join(clash.sizes)}" * (not some)
+            sizes = f", at the sizes made{of}" * bool(clash.sizes)
+            mended = f"; one does with {' or '.join(clash.sizes)} as drawn" * (some and bool(clash.sizes))
             sure = "proved" if clash.proved else found
-            lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure})", clash.reason))))
+            lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure}){mended}", clash.reason))))
         if not self.complete:
             lines.append("there may be others that clash, as few or fewer")
         cures = sorted((one for one in self.relaxations if one.cures), key=lambda one: one.amount)
