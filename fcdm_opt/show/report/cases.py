@@ -28,7 +28,7 @@ from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.verdict import fit_text, name_of, refusal_text, verdict_text
+from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
@@ -219,7 +219,7 @@ def _pictures(problem: Problem, solution: Solution, share: float, pieces: SceneP
 
 def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, Any]:
     corrected = tracked = None
-    if solution.transform is not None and not refusal_text(solution):
+    if solution.usable:
         corrected = frames.solved(solution, "the parts made, after the motion")
         if solution.rho is not None and (abs(solution.rho / solution.pair - 1.0) > DEFAULT.requirement).any():
             told = {key: corrected[key] for key in ("motion", "parameters")}
