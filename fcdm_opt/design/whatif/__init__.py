@@ -1,7 +1,6 @@
 """Questions beside a question: what changes when something else does.
 
 whatif        a changed question solved again, beside what first derivatives predict
-prediction    the amount that they predict
 budget        the largest tolerance such that it and all smaller ones can be made good
 fitting       how much of the deviation can be made good, and where that needs no scan
 compare       which family of motions is cheapest
