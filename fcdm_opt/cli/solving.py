@@ -137,7 +137,7 @@ def range_command(
     from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, has_contact, moved_contacts
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.show.family import family_figure
+    from fcdm_opt.show.plots import family_figure
     from fcdm_opt.show.tables import print_ranges
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[Any, Any]]:
