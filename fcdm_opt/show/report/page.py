@@ -18,10 +18,9 @@ from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.rendering import whole_page
-from fcdm_opt.show.report.cases import picture_of
+from fcdm_opt.show.report.cases import beyond_stack, picture_of, size_rows, stack_reports
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
 from fcdm_opt.show.verdict import length_text
