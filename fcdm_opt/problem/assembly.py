@@ -275,11 +275,6 @@ class Assembly(Scene):
         return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
     @property
-    def bodies(self) -> tuple[Body, ...]:
-        """All bodies of the question, at the sizes made."""
-        return (*self.bodies_made.values(), *(other.body for other in self.keep_out))
-
-    @property
     def drawn(self) -> Mapping[str, Body]:
         """`parts`."""
         return self.parts

@@ -223,11 +223,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         super().__init__(**_resolved({**given, **unknown}))
         self._check_goal()
 
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """All bodies of the question: `movable`, `static`, and those of the keep-outs."""
-        return (self.movable, self.static, *(keep_out.body for keep_out in self.keep_out))
-
     @cached_property
     def of_facets(self) -> Problem:
         """The same question about the parts as their files have them, without points at which they are exact."""
