@@ -12,7 +12,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.solution import Status
@@ -43,12 +42,12 @@ def another_amount(task: Task, weighted: Answer) -> Answer:
     nonlinear program finds the least is not proved; the lower bound is that of the displacement, or 0.
     """
     if weighted.q is None:
-        bound = weighted.lower_bound if weighted.status is Status.INFEASIBLE else displacement_bound(task)
+        bound = weighted.lower_bound if weighted.status is Status.INFEASIBLE else task.displacement_bound
         return replace(weighted, lower_bound=bound)
     if not weighted.q.any() and task.amount(task.rest) == 0.0:
         return weighted
     best = task.answer(weighted.q, active=weighted.active, modelled=weighted.modelled)
-    least, direct = displacement_bound(task), _direct(task)
+    least, direct = task.displacement_bound, _direct(task)
     for q in direct:
         if task.amount(q) < best.amount and task.meets(q, DEFAULT.requirement):
             best = task.answer(q, active=("the nearest points",), modelled=weighted.modelled)
