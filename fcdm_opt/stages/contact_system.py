@@ -20,10 +20,9 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
-from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.amounts import OwnAmount
@@ -307,7 +306,7 @@ class System:
         return np.clip(z * task.size / task.weights, *task.limits.T)
 
     @cached_property
-    def moving(self) -> Bools:
+    def moving(self) -> Flags:
         """Which parameters are free to change, (k,)."""
         return self.task.limits[:, 0] < self.task.limits[:, 1]
 
