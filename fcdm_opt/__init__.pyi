@@ -33,7 +33,7 @@ from fcdm_opt.design.study.study import Study as Study
 from fcdm_opt.design.whatif.budget import budget as budget
 from fcdm_opt.design.whatif.compare import compare as compare
 from fcdm_opt.design.whatif.conflicts import conflicts as conflicts
-from fcdm_opt.design.whatif.drop import drop as drop
+from fcdm_opt.design.whatif.constraints import drop as drop
 from fcdm_opt.design.whatif.whatif import WhatIf as WhatIf
 from fcdm_opt.design.whatif.whatif import whatif as whatif
 from fcdm_opt.errors import FcdmError as FcdmError

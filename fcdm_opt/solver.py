@@ -37,11 +37,10 @@ from fcdm_opt.problem.evidence import Multipliers, ProofData
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import EFFORTS, IMPOSSIBLE, Bounded, Effort, Solution, Status
-from fcdm_opt.stages.another_amount import another_amount, nearest_weighted
+from fcdm_opt.stages.after_weighted import another_amount, in_steps, nearest_weighted
 from fcdm_opt.stages.branching import GAP, MOST_CHECKED, SHOWN_GAP, SHOWN_SHARE, confirmed, proved
 from fcdm_opt.stages.contact_system import check_uniqueness, least_restoring, proof_of
 from fcdm_opt.stages.order import STAGES, StageName, best_so_far, settled
-from fcdm_opt.stages.rounding import in_steps
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_PROVED = 3  # times that what a proof finds is looked at on true faces

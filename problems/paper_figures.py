@@ -16,9 +16,10 @@ import numpy as np
 
 import fcdm_opt as fo
 from fcdm_opt.show import BLACK, BLUE, GREEN, GREY, PAGE, PURPLE, VERMILLION, save, styled
-from fcdm_opt.show.family import DOUBLE, draw_at
 from fcdm_opt.show.lettering import Names, Sheet
 from fcdm_opt.show.plots import (
+    DOUBLE,
+    draw_at,
     draw_curve,
     draw_tolerance,
     listed,

@@ -20,9 +20,9 @@ from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
 from fcdm_opt.along.motion_rates import Change, Field, motion_rates
 from fcdm_opt.along.round_contacts import BALANCED
-from fcdm_opt.along.variation import MOVABLE, Bools, Layout, MovedScene, Rate, Term
+from fcdm_opt.along.variation import MOVABLE, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve.segments import SwitchingPoint
-from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import distances
@@ -103,12 +103,12 @@ class _Balance:
     """The amount's gradient as a sum of constraints' gradients."""
 
     data: Array  # (n,), derivatives by the data, in the order of a `Layout`
-    broken: Bools  # (n,), that do not exist as an element would break
-    open: Bools  # (n,), that other multipliers make others
+    broken: Flags  # (n,), that do not exist as an element would break
+    open: Flags  # (n,), that other multipliers make others
     multipliers: dict[str, float]
     residual: float
 
-    def unlike(self, other: _Balance) -> Bools:
+    def unlike(self, other: _Balance) -> Flags:
         """Return which derivatives are not those of another balance."""
         return (np.abs(self.data - other.data) > _near(self.data)) & ~self.broken & ~other.broken
 
@@ -153,7 +153,7 @@ def _balances(task: Task, pieces: Sequence[Rate], groups: Sequence[Sequence[tupl
     return [_balance(task, own, [short[id(one)] for rates in choice for one in rates], told) for choice in choices]
 
 
-def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], told: Bools) -> _Balance:
+def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], told: Flags) -> _Balance:
     """Return the balance: multipliers by non-negative least squares (Lawson and Hanson), of the amount's pieces too.
 
     The pieces' multipliers add up to one. Where a constraint without multiplier is made of those that have one, other

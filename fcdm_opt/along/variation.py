@@ -13,16 +13,14 @@ from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.model.task import Task
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.tolerances import DEFAULT
 
-Bools = NDArray[np.bool_]
 MOVABLE, STATIC, KEPT_OUT = 0, 1, 2  # numbers of the bodies; keep-outs from KEPT_OUT on
 
 
@@ -45,7 +43,7 @@ class Rate:
     slope: Array  # (k,), by the motion's parameters
     scales: Array  # (2,), by the scale pair at which it is taken
     data: Array  # (n,), by all else, in the order of a `Layout`; finite
-    broken: Bools  # (n,), entries of `data` that do not exist
+    broken: Flags  # (n,), entries of `data` that do not exist
     free: bool = False  # pushes both ways
 
     def times(self, factor: float) -> Rate:
@@ -113,7 +111,7 @@ class Layout:
         return slice(*self._starts[body][2:])
 
     @cached_property
-    def parting(self) -> Bools:
+    def parting(self) -> Flags:
         """Which entries are shifts of faces that part a vertex, one of more than three faces, (n,)."""
         made = np.zeros(self.size, dtype=bool)
         for k, body in enumerate(self.bodies):
@@ -147,7 +145,7 @@ class Layout:
             made.append((numbers, around, normals))
         return made
 
-    def carry(self, data: Array, broken: Bools, term: Term, pull: Array) -> None:
+    def carry(self, data: Array, broken: Flags, term: Term, pull: Array) -> None:
         """Add to a rate's `data` what moving a term's vertices and planes does, and mark what is broken."""
         # a displacement of the point, as drawn, is multiplied with `pull`, (3,)
         vertices = data[self.vertices(term.body)].reshape(-1, 3)

@@ -13,11 +13,11 @@ from typing import Annotated, Any
 import typer
 
 from fcdm_opt import pacing, process_pool
-from fcdm_opt.cli import designing, reporting, solving, starting
+from fcdm_opt.cli import designing, solving, starting
 from fcdm_opt.cli.helping import Command, LentCommand, Overview
 from fcdm_opt.cli.registry import ROWS
 
-MODULES = designing, reporting, solving, starting
+MODULES = designing, solving, starting
 
 COLLECTED = 100_000, 50, 50
 """Thresholds of the garbage collector, of which a short run over many small objects makes little."""

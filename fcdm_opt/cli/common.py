@@ -103,7 +103,7 @@ def checked(what: str, allowed: str, holds: Callable[[Any], bool]) -> Check:
 
 def one_of(*words: str) -> Check:
     """Return the check of an option that is one of some words."""
-    return checked("no such word", " or ".join(words), words.__contains__)
+    return lambda key, word: known_word(word, words, "no such word", key=key)
 
 
 def names(key: str, text: str) -> list[str]:

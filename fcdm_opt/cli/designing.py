@@ -193,7 +193,7 @@ def whatif_command(
     from fcdm_opt.design.whatif.budget import budget as largest_tolerances
     from fcdm_opt.design.whatif.compare import compare as compared
     from fcdm_opt.design.whatif.conflicts import conflicts as clashing
-    from fcdm_opt.design.whatif.drop import drop as costs
+    from fcdm_opt.design.whatif.constraints import drop as costs
     from fcdm_opt.design.whatif.fitting import fits_up_to
     from fcdm_opt.design.whatif.whatif import whatif
     from fcdm_opt.show import tables

@@ -119,7 +119,7 @@ problems/peg_square_tight.toml --conflicts""",
         answers={
             "whatif": ("design.whatif.whatif:WhatIf",), "budget": ("design.whatif.budget:Budgets",),
             "solution": ("problem.solution:Solution", "problem.assembled:AssemblySolution"),
-            "conflicts": ("design.whatif.conflicts:Conflicts",), "drop": ("design.whatif.drop:Costs",),
+            "conflicts": ("design.whatif.conflicts:Conflicts",), "drop": ("design.whatif.constraints:Costs",),
             "compare": ("design.whatif.compare:Comparison",),
         },
     ),

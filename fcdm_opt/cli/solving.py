@@ -1,16 +1,20 @@
-"""`curve`, `solve`, `range`: questions about the cases of problem files."""
+"""`curve`, `solve`, `range`, `report`: questions about the cases of problem files, and one HTML file of answers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
 from fcdm_opt.cli import common
-from fcdm_opt.cli.common import Inquiry, OpenedFile, code_of, option
-from fcdm_opt.cli.guarding import say
-from fcdm_opt.errors import InputError
+from fcdm_opt.cli.common import Inquiry, OpenedFile, argument, code_of, option
+from fcdm_opt.cli.guarding import BAD_INPUT, INTERRUPTED, NO_MOTION, ending, say
+from fcdm_opt.errors import InputError, name_list
+from fcdm_opt.problem import syntax
 
 if TYPE_CHECKING:
     from fcdm_opt.along.contact_times import ContactTimes
@@ -137,7 +141,7 @@ def range_command(
     from fcdm_opt.along.coherent_range import AssemblyRange, coherent_range, has_contact, moved_contacts
     from fcdm_opt.along.contact_times import contact_times
     from fcdm_opt.problem.problem import Problem
-    from fcdm_opt.show.family import family_figure
+    from fcdm_opt.show.plots import family_figure
     from fcdm_opt.show.tables import print_ranges
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[Any, Any]]:
@@ -201,3 +205,104 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
     along = motion.describe(list(found.values()), unit=problem.unit)
     say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {along}")
     return found
+
+
+STUDY = "study.sqlite"  # what makes a folder that of a study
+MEGABYTE = 1e6
+GATHERED = 0.9  # share of the time left for what the page shows; the rest is for making it
+
+FILES = "Problem files (TOML), files of assemblies, folders of them, or the folder that a study was run into."
+
+
+def report_command(
+    sources: Annotated[list[Path], argument("FILE|DIR", FILES, autocompletion=common.problem_files)],
+    out: Annotated[Path, option("--out", "HTML", "The file to write.")] = Path("report.html"),
+    certify: Annotated[bool, option("--certify/--no-certify", None, "Prove how small a motion can be at all.")] = True,
+    time: common.Time = None,
+    case: common.Cases = None,
+) -> None:
+    """Write problems or assemblies and their solutions, or a study, as one HTML file; it needs no network."""
+    from fcdm_opt.moved_files import write
+
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError("not the name of a report", key="--out", found=str(out), allowed="a name in .html")
+    if any((source / STUDY).is_file() for source in sources):
+        text, codes = _study(sources, case or ()), list[int]()
+    else:
+        paths = list(_files(sources))
+        asked = _assemblies if paths and all(syntax.is_assembly(syntax.contents(path)) for path in paths) else _problems
+        text, codes = asked(paths, certify, case or ())
+    if text:
+        with suppress(OSError):  # what is wrong with it is said when the file is written
+            out.parent.mkdir(parents=True, exist_ok=True)
+        write(out, text)
+        say(f"wrote {out} ({len(text.encode()) / MEGABYTE:.1f} MB)")
+    if INTERRUPTED in codes:  # the page says which cases are missing
+        raise KeyboardInterrupt
+    common.finish(None, codes)
+
+
+def _files(sources: Iterable[Path]) -> Iterator[Path]:
+    """Yield problem files, those of a folder by name."""
+    for source in sources:
+        if not source.is_dir():
+            yield source
+            continue
+        found = sorted(source.glob("*.toml"))
+        if not found:
+            raise InputError("nothing to report on", file=source, allowed=f"a folder with problem files or {STUDY}")
+        yield from found
+
+
+def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
+    """Return the report on problem files, nothing where none could be read, and the exit code of each file and case."""
+    opened = common.opened_files(paths, cases, assemblies=False)
+    from fcdm_opt.show.rendering import plotly
+    from fcdm_opt.show.report.gather import gather
+    from fcdm_opt.show.report.page import page
+
+    plotly()  # what is missing is said before anything is solved
+    if not any(file.problems for file in opened):
+        return "", [BAD_INPUT]
+    with pacing.sharing(GATHERED):
+        payload = gather(opened, certify=certify, say=say)
+    codes = _codes(payload["files"], interrupted=payload["interrupted"])
+    return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
+
+
+def _codes(files: Sequence[Mapping[str, Any]], *, interrupted: bool) -> list[int]:
+    """Return the exit codes of what is missing; after an interrupt there is time for the page."""
+    if interrupted:
+        ending.set()
+    late = [NO_MOTION if file.get("late") else BAD_INPUT for file in files if file.get("error")]
+    return [*late, *[INTERRUPTED] * interrupted]
+
+
+def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
+    """Return the same of files of assemblies."""
+    opened = common.opened_files(paths, cases, assemblies=True)
+    from fcdm_opt.show.report.gather import answered_in_turn
+    from fcdm_opt.show.report.page import assembly_page, assembly_report
+    from fcdm_opt.show.solved import solved_case
+
+    asked = [assembly for file in opened for assembly in file.problems]
+
+    def answer(number: int) -> dict[str, Any]:
+        return assembly_report(solved_case(asked[number], certify=certify).solution, f"case-{number}")
+
+    heads, _, found, interrupted = answered_in_turn(opened, answer, say)
+    codes = _codes(heads, interrupted=interrupted) + [code_of(case["usable"], case["status"]) for case in found]
+    return assembly_page(heads, found) if found else "", codes
+
+
+def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
+    """Return the report on one study."""
+    from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.show.report.page import study_page
+
+    if len(sources) > 1:
+        found = ", ".join(map(str, sources))
+        raise InputError("a study is reported on alone", key="FILE|DIR", found=found, allowed="one folder of a study")
+    if cases:
+        raise InputError("cases belong to problem files", key="--case", found=name_list(cases), allowed="no --case")
+    return study_page(StudyResult.read(sources[0]))

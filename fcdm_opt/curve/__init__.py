@@ -7,8 +7,7 @@ features         contact features and their labels
 contact          the elements and points in which two scaled parts touch
 region           one pair of convex parts: its overlap region and the chains that bound it, walked or settled exactly
 pruning          the part pairs of unions that matter
-joining          what is on the boundary of a union of regions, joined to chains
-envelope         the boundary of the union of all pairs' regions
+envelope         the boundary of the union of all pairs' regions, joined to chains
 segments         what a curve is listed as: segments, switching points, branches, inside a box
 decision_curve   the curve as users see it, and its queries
 batch            many poses of one pair at once, in arrays

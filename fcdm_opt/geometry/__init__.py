@@ -12,8 +12,7 @@ union            the true faces and edges of a union of convex parts
 cells            convex cells cut by planes: sides in floats, points in rationals
 partition        a solid cut into convex cells at its reflex edges, or covered by parts that all hold the seed
 pyramids         the surface of a solid alone: a convex part under each face
-approximate      CoACD's convex parts, with bounds of how far they are off
-decomposition    which of these, and why
+decomposition    which of these, or CoACD's convex parts, with bounds of how far they are off, and why
 packing          a convex part as flat arrays for the kernels, with error bounds
 bodies           convex parts, and bodies made of them or of what other libraries hold
 facets           which facets of two bodies are near each other

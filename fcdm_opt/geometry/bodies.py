@@ -31,6 +31,7 @@ from fcdm_opt.geometry.arrays import (
     numbers,
     row_lists,
 )
+from fcdm_opt.geometry.closing import union_of_shells
 from fcdm_opt.geometry.decomposition import Method, by_features, decompose
 from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_elements
 from fcdm_opt.geometry.hull import convex_hull
@@ -39,7 +40,6 @@ from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
-from fcdm_opt.geometry.shells import union_of_shells
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import RoundFaces, centroid_within, errors_of_faces
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured

@@ -25,11 +25,10 @@ from fcdm_opt.geometry.arrays import (
     numbers,
     row_lists,
 )
-from fcdm_opt.geometry.closing import Faces, closed, reverse
+from fcdm_opt.geometry.closing import Faces, JoinedShells, closed, reverse, simplified, union_of_shells
 from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.measures import cross, exact_volume, norms, volume_and_centroid, winding_numbers
 from fcdm_opt.geometry.polygons import Polygon, Sides, components, fans, normals_of, triangulated
-from fcdm_opt.geometry.shells import JoinedShells, simplified, union_of_shells
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:

@@ -22,14 +22,20 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart, ExactPoints, about
 from fcdm_opt.geometry.elements import Element, Elements, Span
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import corners_within, norms, volume_and_centroid
-from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces, offsets_of_faces, rows_moved, side_of
+from fcdm_opt.geometry.moving_faces import (
+    MovesOfFaces,
+    moved_surfaces,
+    offsets_of_faces,
+    rows_moved,
+    side_of,
+    split_corner,
+)
 from fcdm_opt.geometry.naming import GENTLE, neighbours, numbered_face
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
 from fcdm_opt.geometry.size import Size, direction
-from fcdm_opt.geometry.split_corners import split_corner
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.true_resizing import (
     corners_on_true_faces,

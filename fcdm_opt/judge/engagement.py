@@ -29,8 +29,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn
-from fcdm_opt.judge.dividing_planes import Sizes, stay_divided
-from fcdm_opt.judge.passing import passes, past_after
+from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
 from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit, overlap_as_drawn, part_corners_as_made
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem

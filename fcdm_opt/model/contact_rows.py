@@ -30,8 +30,7 @@ from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.problem.active_parts import with_insides, with_near_parts
 from fcdm_opt.problem.arguments import is_real, motion_values
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.balls_on_faces import BallOnFace
-from fcdm_opt.problem.contacts_restored import contact_balls, touching_again
+from fcdm_opt.problem.contacts_restored import BallOnFace, contact_balls, touching_again
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fcdm_opt.curve.flush import Flush
 from fcdm_opt.curve.region import Piece
 from fcdm_opt.curve.tight import TightLine
-from fcdm_opt.geometry.arrays import Array, crossed
+from fcdm_opt.geometry.arrays import Array, Flags, crossed
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.tolerances import DEFAULT
-
-Bools = NDArray[np.bool_]
 
 
 def spins(motion: Motion, movable: Body, static: Body) -> Array:
@@ -48,7 +45,7 @@ def independent(rows: Array) -> list[int]:
     return kept
 
 
-def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) -> Bools:
+def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) -> Flags:
     """Return which parameters must stay zero for nothing to tilt on the whole of a straight way, (k,)."""
     # such a way tilts nothing to first order at rest: its parameters lie in the null space of `tilts`. Where only one
     # mixture of turns does so, and still tilts something further on, nothing may turn at all

@@ -37,6 +37,8 @@ from fcdm_opt.problem.solution import Status
 from fcdm_opt.tolerances import DEFAULT
 
 Parts = tuple[int, int]
+SAMPLED = (0.0, 1.0, 10.0)  # `Task.steps` away from rest at which the rate of an unknown motion is looked at
+MARGIN = 2.0  # on what is found there
 BATCH_SIZE = 20_000  # part pairs that are looked at before the time is
 REMEMBERED = 8  # motions whose poses and gaps are kept: stages and report ask about rest and the answer again
 
@@ -360,6 +362,52 @@ class Task:
         """The most that a vertex of body 1, re-scaled, can move per unit of weighted amount."""
         # infinite for a motion of the user's own, of which no bound is known
         return float(np.linalg.norm(self.motion.reaches(self.made_vertices, self.movable.seed) / self.weights))
+
+    @cached_property
+    def search_rate(self) -> float:
+        """`displacement_rate`, or what a few samples suggest where that is infinite: for searches, no proof."""
+        rate = self.displacement_rate
+        if np.isfinite(rate):
+            return rate
+        rates = np.array([self.rates(x * sign * self.steps)[1] for x in SAMPLED for sign in (1.0, -1.0)])
+        speeds = np.linalg.norm(self.made_vertices @ rates[:, :, :3, :3].mT + rates[:, :, None, :3, 3], axis=3)
+        found = np.linalg.norm(speeds / self.weights[:, None], axis=1)
+        return MARGIN * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
+
+    @cached_property
+    def displacement_bound(self) -> float:
+        """A lower bound of the amount (design: bounds known to hold); 0 for one of the user's own."""
+        # the signed distance of a part pair changes by no more than the largest displacement of a vertex, and parameter
+        # k displaces none by more than its reach d_k per unit, so need <= sum d_k |q_k| <= |w q| sqrt(sum (d_k /
+        # w_k)^2). The gap over facet directions is the signed distance where a pair overlaps, and never exceeds it: it
+        # may stand for it where a gap is to be closed or an overlap undone, not where a gap is to be widened. 0 where
+        # nothing asks for either
+        if self.amount_kind == "displacement":
+            return self._least_displacement
+        return self._least_displacement / self.displacement_rate if self.weighted else 0.0
+
+    @property
+    def _least_displacement(self) -> float:
+        """A lower bound of the largest displacement of a vertex."""
+        if not np.isfinite(self.needs).any():
+            return self._tracked_need
+        gaps = self.pair_gaps(self.rest)
+        needs = [self._tracked_need, *(self.needs - gaps)[gaps <= 0]]
+        if self.goal == "touch":
+            needs.append(self.contact_gap(self.distances(self.rest) if self.amount_kind == "displacement" else gaps))
+        return float(max(needs))
+
+    @property
+    def _tracked_need(self) -> float:
+        """How far a vertex of body 1 moves at least where the tracked contact comes to the target pair."""
+        # the point that touches in the end belongs to the contact's elements, and is at rest its line's gap away from
+        # the other body's. Of faces that stay flush every point moves alike along each normal: so as to close all gaps
+        # at once
+        if self.goal not in ("at", "seat"):
+            return 0.0
+        normals, gaps = self.face_gaps
+        together = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if len(gaps) else np.zeros(3)
+        return max(float(np.linalg.norm(together)), float(np.abs(self.line_gaps(self.rest)[1]).max()))
 
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""

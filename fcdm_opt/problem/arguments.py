@@ -111,11 +111,3 @@ def motion_values(names: Sequence[str], given: Any, key: str) -> Array:
         allowed = f"parameters {', '.join(names)}{', or a 4x4 transform' * (key == 'pose')}"
         raise InputError("not one value for each motion parameter", key=key, found=given, allowed=allowed)
     return np.array(q)
-
-
-def choice(value: Any, key: str, choices: tuple[str | None, ...]) -> None:
-    """Refuse a value that is none of the choices."""
-    if (value is None or isinstance(value, str)) and value in choices:
-        return
-    allowed = ", ".join(f'"{choice}"' for choice in choices if choice)
-    raise InputError(f"unknown {key}", key=key, found=value, allowed=allowed)

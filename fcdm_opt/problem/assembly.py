@@ -30,7 +30,7 @@ from fcdm_opt.motion.relative import Carrying, Relative
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.amounts import amount as checked_amount
-from fcdm_opt.problem.arguments import by_parameter, choice, interval, items, positive, real
+from fcdm_opt.problem.arguments import by_parameter, interval, items, positive, real
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Corner, Requirement
@@ -273,11 +273,6 @@ class Assembly(Scene):
     def bodies_made(self) -> dict[str, Body]:
         """The parts at the sizes made, unscaled."""
         return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """All bodies of the question, at the sizes made."""
-        return (*self.bodies_made.values(), *(other.body for other in self.keep_out))
 
     @property
     def drawn(self) -> Mapping[str, Body]:
@@ -663,7 +658,7 @@ def _off_by(
         given = {"requirement": letter, "tolerance": tolerance, "scales": scales or None}
         what, found = "not what parts are off by", ", ".join(key for key, own in given.items() if own is not None)
         raise InputError(what, key="requirement", found=found, allowed="requirement and tolerance, or scales")
-    choice(letter, "requirement", (*SIGNS,))
+    known_word(letter, SIGNS, "unknown requirement", key="requirement")
     shares = dict.fromkeys(parts, tolerance)
     if isinstance(tolerance, Mapping):
         shares = dict.fromkeys(parts, 0.0) | _by_part(tolerance, "tolerance", parts)

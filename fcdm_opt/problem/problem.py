@@ -126,7 +126,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         at scale 1 and without clearance. Attribute: tuple of KeepOut, each with a name of its own.
     resolution : number or mapping of parameter name to number > 0, optional
         The machine's steps, length units or radians; a plain number is the step of every parameter. The motion found
-        is rounded to whole steps such that it still meets the requirement, see `fcdm_opt.stages.rounding`.
+        is rounded to whole steps such that it still meets the requirement, see `fcdm_opt.stages.after_weighted`.
         Attribute: (k,) array, 0 where a parameter is not rounded, or None.
     features : (label, label), optional
         The two features to track at a switching point where more than two lines meet; default those of the segments
@@ -222,11 +222,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         given = {key: value for key, value in locals().items() if key in ARGUMENTS}
         super().__init__(**_resolved({**given, **unknown}))
         self._check_goal()
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """All bodies of the question: `movable`, `static`, and those of the keep-outs."""
-        return (self.movable, self.static, *(keep_out.body for keep_out in self.keep_out))
 
     @cached_property
     def of_facets(self) -> Problem:

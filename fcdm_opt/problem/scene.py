@@ -62,9 +62,9 @@ class Scene(ABC):
         """Length that relative tolerances refer to."""
 
     @property
-    @abstractmethod
     def bodies(self) -> tuple[Body, ...]:
-        """All bodies, at the sizes made."""
+        """All bodies of the question, at the sizes made: its parts, and those of the keep-outs."""
+        return (*self.bodies_made.values(), *(keep_out.body for keep_out in self.keep_out))
 
     @property
     @abstractmethod

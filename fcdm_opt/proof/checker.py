@@ -16,10 +16,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import held, seat_of, untracked
@@ -31,8 +30,6 @@ from fcdm_opt.proof import conditions
 from fcdm_opt.proof.intervals import Interval, cross, numbers_of
 from fcdm_opt.proof.mean_value import AmountOfPieces, Pieces, Place, Poses, PosesOfPieces
 from fcdm_opt.tolerances import DEFAULT
-
-Bools = NDArray[np.bool_]
 
 Margins = Iterator[tuple[Any, Array]]
 """Pieces, and by how much what their witness rows say holds all over them; of others it does not."""
@@ -395,7 +392,7 @@ class Examiner:
             waiting = waiting.halved()
         return lost, halved
 
-    def _is_positive(self, pieces: Pieces, test: Test) -> Bools:
+    def _is_positive(self, pieces: Pieces, test: Test) -> Flags:
         """Tell of which pieces a margin is positive all over."""
         shown = np.zeros(len(pieces.rows), dtype=bool)
         for start in range(0, len(shown), BATCH):
@@ -610,7 +607,7 @@ def _norm(v: Interval) -> Any:
     return np.sqrt((size * size).sum(axis=-1)) * (1.0 + FLOATS)
 
 
-def _index(values: Array, count: int) -> tuple[Ints, Bools]:
+def _index(values: Array, count: int) -> tuple[Ints, Flags]:
     known = (values >= 0) & (values < count) & (values == np.floor(values))
     return np.where(known, values, 0).astype(np.int64), known
 

@@ -16,18 +16,15 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fcdm_opt import pacing
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason, least_lengths
 from fcdm_opt.proof.exclusion import Exclusion
 from fcdm_opt.proof.mean_value import Pieces
 from fcdm_opt.tolerances import DEFAULT
-
-Bools = NDArray[np.bool_]
 
 REACHES = (4.0, 1.0, 0.25, 0.0625)  # stretches tried at once, in the stride that a column goes by
 BATCH = 256  # columns advanced at once, at most
@@ -48,8 +45,8 @@ class Columns:
     high: Array
     front: Array
     stride: Array
-    closed: Bools
-    stalled: Bools
+    closed: Flags
+    stalled: Flags
 
     @classmethod
     def all(cls, count: int, stride: float) -> Columns:

@@ -13,16 +13,13 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.motion.instructions import Instructions
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.enclosure import Enclosure
 from fcdm_opt.proof.intervals import ARITHMETIC, Interval, IntervalFunction
-
-Bools = NDArray[np.bool_]
 
 POSE = 12  # numbers of a pose: R, row by row, and d = s_2 - moved s_1
 OPTIONS = {"cse": True}
@@ -180,7 +177,7 @@ class Poses:
     centre: list[Interval]
     over: list[Interval]
     change: Interval  # slopes over the piece by s and the box coordinates, times the half widths, (n, 12, k)
-    jumps: Bools  # where the motion may not be continuous, (n, 1)
+    jumps: Flags  # where the motion may not be continuous, (n, 1)
 
     def __getitem__(self, rows: Ints) -> Poses:
         if len(rows) == len(self.pieces.rows):

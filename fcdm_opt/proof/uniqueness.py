@@ -25,8 +25,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
-from fcdm_opt.problem.balls_on_faces import BallOnFace
-from fcdm_opt.problem.contacts_restored import contact_balls
+from fcdm_opt.problem.contacts_restored import BallOnFace, contact_balls
 from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.intervals import Interval, IntervalFunction

@@ -10,9 +10,8 @@ assemblies       tables and pictures of several parts
 
 Pictures, and here what they share:
 
-plots            decision curves, before and after a motion; the plane of scales
+plots            decision curves, before and after a motion and over a coherent range; the plane of scales
 scene            the pair of bodies in space; `raster` hides and shades, `sections` cut contacts open
-family           the curves over a coherent range
 maps             compensation maps, and the yield of a fit; `grids` are these maps for the shop floor
 studies          the amount over what a study varied
 sensitivities    what the amount depends on

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +112,8 @@ def solution_figure(
     caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = _drawn(solution, view)
-    moved = bool(drawn["shown"].moves)
+    moved = drawn["shown"].moves and not drawn["shown"].said
+    drawn["shown"] = replace(drawn["shown"], said=motion_said(solution)) if moved else drawn["shown"]
     shown = "shown" if moved else "shown unmoved"
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
@@ -123,8 +125,7 @@ def solution_figure(
 
 def solution_pieces(solution: Solution) -> scene.ScenePieces:
     """Draw the same in pieces, for a report, which has the motion in words."""
-    drawn, _ = _drawn(solution, None)
-    return scene.scene_pieces(**drawn | {"said": refusal_text(solution)})
+    return scene.scene_pieces(**_drawn(solution, None)[0])
 
 
 def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
@@ -142,12 +143,10 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
         rest = transform is None or problem.curve.contact_sets(problem.nominal_pair)
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
         view = scene.view_of(curve, tuple(at.tolist()), scene.shifts_of(problem))
-    shown = scene.ShownBodies.of(
-        problem.movable, problem.static, rho=rho, transform=transform, keep_out=keep_out, view=view
-    )
+    bodies = problem.movable, problem.static
+    shown = scene.ShownBodies.of(*bodies, rho=rho, transform=transform, keep_out=keep_out, view=view, said=refused)
     counted = problem.contacts or solution.features
     contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, counted, problem)
     if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
         contacts = [gap]
-    said = refused or (motion_said(solution) if shown.moves else "")
-    return {"shown": shown, "contacts": contacts, "said": said, "unit": problem.unit}, rho
+    return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -226,16 +227,14 @@ def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
         return ShownBodies.of_parts(bodies, names, poses), touching(solution)
     moving = [k for k, part in enumerate(assembly.parts) if part in assembly.motions]
     named = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
-    return ShownBodies.of_parts(bodies, names), overlapping(bodies, named, moving)
+    return replace(ShownBodies.of_parts(bodies, names), said=refused), overlapping(bodies, named, moving)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions; unmoved where none are to be used."""
-    (shown, contacts), refused = parts_of(solution), refusal_text(solution)
-    state = "as made, not moved" if refused else f"after these motions; arrows: {ARROWS}"
+    shown, contacts = parts_of(solution)
+    state = "as made, not moved" if shown.said else f"after these motions; arrows: {ARROWS}"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
     if numbered := numbered_contacts(contacts):
-        caption += f"\n{'overlaps' if refused else 'contacts'}: {'; '.join(numbered)}"
-    return scene_figure(
-        shown, contacts=contacts, said=refused, unit=solution.assembly.unit, title=title, caption=caption
-    )
+        caption += f"\n{'overlaps' if shown.said else 'contacts'}: {'; '.join(numbered)}"
+    return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

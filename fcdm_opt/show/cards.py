@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from fcdm_opt.lazy_import import NotebookRepr
     from fcdm_opt.problem.assembled import AssemblySolution
     from fcdm_opt.problem.problem import Problem
+    from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Bounded, Certificate, Solution
 
 Fact = tuple[str, ...]  # name, value, and a unit or remark where there is one
@@ -174,34 +175,23 @@ def problem_card(problem: Problem) -> Card:
 
 def solution_card(solution: Solution) -> Card:
     """Return the card of an answer: the advice, the motion, how small it is, and what it does to the pair made."""
-    problem, after = solution.problem, solution.rho
-    length, amount = problem.unit or "length", problem.amount_unit or "length"
-    motion = []
+    problem, after, motion = solution.problem, solution.rho, list[Fact]()
     named = zip(solution.parameters.items(), parameter_units(problem), problem.weights, strict=False)
     for (name, q), unit, weight in named:
         small = abs(weight * q) <= DEFAULT.tie * solution.amount  # rounding
         motion.append((f"motion {name}", number(0.0 if small else in_unit(q, unit)), unit))
-    facts = [
-        *motion,
-        ("amount", number(solution.amount), f"{amount}, {solution.doubt}" if solution.doubt else amount),
-        ("proved at least", *_bound(solution, amount)),
+    made = [
         ("pair made", f"({numbers(solution.pair)})"),
-        ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {length}"),
+        ("its state after", solution.pair_state, f"gap {number(solution.pair_gap)} {problem.unit or 'length'}"),
         ("tracked contact at", f"({numbers(after)})" if after is not None and problem.goal in TRACKING else ""),
-        ("verified", _verdict(solution)),
-        ("settled by", solution.stage),
-        ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
     ]
-    told = verdict_text(solution)
-    told = told[:1].upper() + told[1:]
-    return Card(
-        _title("Solution", problem),
-        said=f"{told}. {solution.advice}" if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED") else told,
-        facts=facts,
+    advice = f". {solution.advice}" * (solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"))
+    return _answer_card(
+        solution,
+        f"{verdict_text(solution)}{advice}",
+        motion=motion,
+        made=made,
         lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
-        state=solution.status.words,
-        mood=mood_of(solution),
-        struck=_struck(solution, facts),
         picture=before_after_figure(problem, solution),
         told="decision curve before and after the motion, nominal pair and pair made",
     )
@@ -226,32 +216,40 @@ def cases_card(cases: SolvedCases) -> Card:
 
 def assembly_card(solution: AssemblySolution) -> Card:
     """Return the card of an answer about several parts: what moves how far, how small that is, and the parts then."""
-    assembly, unit = solution.assembly, solution.amount_unit or "length"
-    facts = [
-        ("amount", number(solution.amount), f"{unit}, {solution.doubt}" if solution.doubt else unit),
-        ("proved at least", *_bound(solution, unit)),
-        ("verified", _verdict(solution)),
-        ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
-    ]
-    told = assembly_verdict(solution)
-    return Card(
-        f"Solution: {assembly.name}" if assembly.name else "Solution",
-        said=f"{told[:1].upper()}{told[1:]}",
-        facts=facts,
+    return _answer_card(
+        solution,
+        assembly_verdict(solution),
         tables=[(("part", "relative to", "made", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
-        state=solution.status.words,
-        mood=mood_of(solution),
-        struck=_struck(solution, facts),
         picture=assembly_figure(solution),
         told="the parts after their motions" if solution.usable else "the parts as made",
     )
 
 
-def _struck(solution: Bounded, facts: Sequence[Fact]) -> list[str]:
-    """Return the names of facts about a motion that the judge refused."""
-    known = "pair made", "verified", "settled by", "time"
-    return [name for name, *_ in facts if solution.status.name == "NOT_VERIFIED" and name not in known]
+def _answer_card(
+    solution: Bounded, verdict: str, *, motion: Sequence[Fact] = (), made: Sequence[Fact] = (), **more: Any
+) -> Card:
+    """Return the card of an answer; facts about a motion that the judge refused are struck out."""
+    unit, known = solution.amount_unit or "length", ("pair made", "verified", "settled by", "time")
+    facts: list[Fact] = [
+        *motion,
+        ("amount", number(solution.amount), f"{unit}, {solution.doubt}" if solution.doubt else unit),
+        ("proved at least", *_bound(solution, unit)),
+        *made,
+        ("verified", _verdict(solution)),
+        ("settled by", getattr(solution, "stage", "")),
+        ("time", number(sum(solution.seconds.values()), 3) if solution.seconds else "", "s"),
+    ]
+    struck = [name for name, *_ in facts if solution.status.name == "NOT_VERIFIED" and name not in known]
+    return Card(
+        _title("Solution", solution.question),
+        said=f"{verdict[:1].upper()}{verdict[1:]}",
+        facts=facts,
+        state=solution.status.words,
+        mood=mood_of(solution),
+        struck=struck,
+        **more,
+    )
 
 
 def mood_of(solution: Bounded) -> str:
@@ -259,7 +257,7 @@ def mood_of(solution: Bounded) -> str:
     return "bad" if not solution.usable else "mind" if solution.status.name == "PAIR_OVERLAPS" else "good"
 
 
-def _title(what: str, problem: Problem) -> str:
+def _title(what: str, problem: Scene) -> str:
     return f"{what}: {problem.name}" if problem.name else what
 
 

@@ -102,7 +102,6 @@ def scene_figure(
     shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
-    said: str = "",
     unit: str = "",
     title: str = "",
     caption: str = "",
@@ -110,8 +109,7 @@ def scene_figure(
     """Draw bodies as solids: what is hidden is not drawn, and only edges that the bodies have.
 
     `contacts`, what touches, are magnified in insets. The old places of bodies that moved are drawn in dashes, as many
-    times as far off as the legend says; the motion of body 1 is in words above where it is `said`, or why there is none
-    to use. The unit of lengths stands at the bar of known length.
+    times as far off as the legend says. The unit of lengths stands at the bar of known length.
     """
     insets = _magnified(contacts)
     below, pitch = len(insets) > BELOW, INSET + 0.45
@@ -121,9 +119,9 @@ def scene_figure(
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - column if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    height = max(height + 0.16 * bool(said), 0.0 if below else len(insets) * pitch - foot)
+    height = max(height + 0.16 * bool(shown.said), 0.0 if below else len(insets) * pitch - foot)
     sheet = Sheet.of(wide + column, height + foot + pitch * below, title=title, caption=caption)
-    axes = draw_scene(sheet, (0.0, foot + pitch * below, wide, height), shown, contacts=contacts, said=said)
+    axes = draw_scene(sheet, (0.0, foot + pitch * below, wide, height), shown, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     _add_legend(sheet, axes, foot)
     inch, page = _inches_a_length(axes), page_directions(*shown.view)
@@ -165,13 +163,11 @@ class ScenePieces(NamedTuple):
 
 
 @styled
-def scene_pieces(
-    shown: ShownBodies, *, contacts: Sequence[Touching] = (), said: str = "", unit: str = ""
-) -> ScenePieces:
+def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit: str = "") -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN + 0.25 * bool(said), LEAST, WIDE))
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN + 0.25 * bool(shown.said), LEAST, WIDE))
     sheet = Sheet.of(WIDE, height + LOW)
-    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts, said=said)
+    axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
@@ -253,7 +249,8 @@ class ShownBodies:
     `solids` are each body as drawn, see `Body.of_facets`, its colour, and what the key calls it: the movable one, the
     static one, and keep-outs near enough to be shown; or the parts of an assembly. `points`, (n, 3), are what must be
     on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (4, 4) each, are the
-    motions that brought bodies here, the first ones in order; None for one that stays.
+    motions that brought bodies here, the first ones in order; None for one that stays. The motion of body 1 is in words
+    above where it is `said`, or why there is none to use.
     """
 
     solids: Sequence[tuple[Body, str, str]]
@@ -261,6 +258,7 @@ class ShownBodies:
     view: tuple[float, float]
     named: tuple[Body, Body] | None = None
     moves: Sequence[Array | None] = ()
+    said: str = ""
 
     @classmethod
     def of(
@@ -272,6 +270,7 @@ class ShownBodies:
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
         view: tuple[float, float] | None = None,
+        said: str = "",
     ) -> ShownBodies:
         """Return two bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
 
@@ -293,7 +292,7 @@ class ShownBodies:
         roles = (one, BLUE, "movable"), (two, VERMILLION, "static"), *((body, GREY, "keep-out") for body in near)
         solids = [(body, colour, f"{role}: {shortened(body.name, LONGEST_NAME)}") for body, colour, role in roles]
         moves = () if transform is None else (np.asarray(transform, dtype=float),)
-        return cls(solids, points, view, named, moves)
+        return cls(solids, points, view, named, moves, said)
 
     @classmethod
     def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array | None] = ()) -> ShownBodies:
@@ -353,7 +352,6 @@ def draw_scene(
     shown: ShownBodies,
     *,
     contacts: Sequence[Touching] = (),
-    said: str = "",
 ) -> Any:
     """Draw a scene into an area of a sheet (left, bottom, width, height; inches); return its axes, for a legend.
 
@@ -379,9 +377,9 @@ def draw_scene(
         axes.plot([], [], color=colour, label=f"before the motion: {parts}{far}", **OLD)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, cut, arrows)
-    if said:
+    if shown.said:
         width = axes.get_position().width * axes.figure.get_figwidth()
-        lines = "\n".join(fitted(axes.figure, said, NOTE + 1.0, 0.96 * width))
+        lines = "\n".join(fitted(axes.figure, shown.said, NOTE + 1.0, 0.96 * width))
         look: dict[str, Any] = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
         look |= {} if before else {"color": REFUSED, "weight": "bold", "bbox": {**BADGE, "edgecolor": REFUSED}}
         axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fcdm_opt.design.fixed_pose.clearances import Clearances
     from fcdm_opt.design.whatif.budget import Budgets
     from fcdm_opt.design.whatif.compare import Comparison
-    from fcdm_opt.design.whatif.drop import Costs, Dropped
+    from fcdm_opt.design.whatif.constraints import Costs, Dropped
     from fcdm_opt.design.whatif.whatif import WhatIf
     from fcdm_opt.problem.scene import Scene
     from fcdm_opt.problem.solution import Bounded, Certificate

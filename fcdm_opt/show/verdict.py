@@ -232,8 +232,7 @@ def refusal_text(solution: Bounded) -> str:
     """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
     from fcdm_opt.problem.fit import verdict
 
-    judged = solution.certificate is None or solution.certificate.passed
-    if solution.status.found and solution.status.name not in ("OUTSIDE_FIT", "NOT_VERIFIED") and judged:
+    if solution.usable:
         return ""
     tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
     return f"{'does not fit' if tight else texts.outcome_text(solution)}: parts as made, not moved"

@@ -13,6 +13,5 @@ program          the nonlinear program; `relaxation` grows it by what its soluti
 rays             one parameter: first contact along a ray by safe steps (`steady`: of second order)
 branching        branch and bound, see `proof`
 full             everything in one program: the yardstick
-another_amount   other amounts than the weighted one
-rounding         motions in whole steps of a machine
+after_weighted   other amounts than the weighted one; motions in whole steps of a machine
 """

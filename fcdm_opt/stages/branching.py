@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.motions import XYZ, Translation
@@ -170,7 +169,7 @@ def least_apart(task: Task) -> Answer | None:
 
     Of many part pairs from the first contact on a ray too: a program over all of them takes minutes.
     """
-    answer = Answer(Status.NOT_FOUND, None, STAGE_APART, displacement_bound(task))
+    answer = Answer(Status.NOT_FOUND, None, STAGE_APART, task.displacement_bound)
     answer = spread(task, answer, [*_unturned(task), task.start])
     many = task.part_pairs >= MANY_PAIRS and separating_directions.suits(task)
     if answer.q is None and many and task.allows(task.rest):
@@ -240,7 +239,7 @@ def _amount(task: Task, answer: Answer) -> float:
 
 def _gained(task: Task, amount: float) -> float:
     """Return below which amount a motion is better than one known: what counts as met may gain the rest."""
-    return amount * (1.0 - GAINED) - DEFAULT.cut * task.size / search_rate(task)
+    return amount * (1.0 - GAINED) - DEFAULT.cut * task.size / task.search_rate
 
 
 def bounded(

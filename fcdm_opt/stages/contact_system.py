@@ -20,11 +20,9 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Flags
 from fcdm_opt.geometry.units import gap_text, measured
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
-from fcdm_opt.model.seats import Bools
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.amounts import OwnAmount
@@ -81,7 +79,7 @@ def contact_system(task: Task) -> Answer | None:
     if z is not None:
         return _answered(own, z, bound)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
-    status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, displacement_bound(task))
+    status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, task.displacement_bound)
     return Answer(status, None, stage, bound, told, last=True)
 
 
@@ -150,7 +148,7 @@ def _answered(own: System, z: Array, bound: float) -> Answer:
     pairs = {feature.parts for feature in own.features} | {*stopped}
     counts = task.modelled(pairs, variables=int(own.moving.sum()), constraints=own.count, features=len(own.features))
     counts = counts if own.features else task.modelled_by_gaps(q, stopped)
-    bound = np.inf if bound >= np.linalg.norm(z) else max(bound * task.size, displacement_bound(task))
+    bound = np.inf if bound >= np.linalg.norm(z) else max(bound * task.size, task.displacement_bound)
     return task.answer(q, own.stage, bound, (*active, *own.at_limits(q)), counts)
 
 
@@ -308,7 +306,7 @@ class System:
         return np.clip(z * task.size / task.weights, *task.limits.T)
 
     @cached_property
-    def moving(self) -> Bools:
+    def moving(self) -> Flags:
         """Which parameters are free to change, (k,)."""
         return self.task.limits[:, 0] < self.task.limits[:, 1]
 

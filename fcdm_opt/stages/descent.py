@@ -15,7 +15,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import distinct
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.instructions import PoseInstructions, pose_instructions
 from fcdm_opt.problem.problem import MOST_TURNED
@@ -236,7 +235,7 @@ class Descent:
             if best is not None and not best.amount / ASTRAY <= promise <= best.amount * ASTRAY:
                 best = self._from_rays(best) or best
         else:
-            rate = search_rate(task) * task.unit
+            rate = task.search_rate * task.unit
             for parts in order[:CHOICES]:
                 if best is not None and gaps[parts] / rate >= best.amount:
                     break
@@ -302,7 +301,7 @@ def descent(task: Task) -> Answer | None:
     if task.need > 0 and not _along_facets(task, q):
         return None
     counts = task.modelled(best.parts, variables=len(q), constraints=best.rows, features=best.features)
-    return Answer(Status.SOLVED, q, STAGE, min(displacement_bound(task), task.amount(q)), best.active, counts)
+    return Answer(Status.SOLVED, q, STAGE, min(task.displacement_bound, task.amount(q)), best.active, counts)
 
 
 def _kept_clear(task: Task) -> Answer | None:

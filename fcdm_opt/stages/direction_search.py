@@ -16,7 +16,6 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.instructions import pose_instructions
 from fcdm_opt.problem.solution import Status
@@ -60,7 +59,7 @@ def least_direction(task: Task) -> Answer | None:
     if not task.meets(q, DEFAULT.requirement):
         return None
     counts = task.modelled({own.parts for own in task.tracked}, variables=2, constraints=2, features=len(task.tracked))
-    bound = min(displacement_bound(task), task.amount(q))
+    bound = min(task.displacement_bound, task.amount(q))
     return Answer(Status.SOLVED, q, STAGE, bound, _active(task, q, sides), counts)
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from fcdm_opt.curve import kernels
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.stages import program
@@ -37,7 +36,7 @@ def full(task: Task) -> Answer | None:
     answer = modelled_in_full(task)
     if answer is None or not task.meets(answer.motion, DEFAULT.requirement):
         return None
-    return replace(answer, lower_bound=min(displacement_bound(task), answer.amount))
+    return replace(answer, lower_bound=min(task.displacement_bound, answer.amount))
 
 
 def modelled_in_full(task: Task, *, tolerance: float = DEFAULT.solver) -> Answer | None:

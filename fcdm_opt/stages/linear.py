@@ -14,8 +14,8 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
-from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.model.seats import Bools, held
+from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.model.seats import held
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
@@ -104,7 +104,7 @@ def _on_lines(task: Task, q: Array) -> Answer:
     return task.answer(q, LINES, np.inf, active, counts)
 
 
-def _linear(task: Task, normals: Array, moving: Bools) -> bool:
+def _linear(task: Task, normals: Array, moving: Flags) -> bool:
     """Tell whether every line's gap is linear in the parameters that may move."""
     if any(not step.bounded and some for step, some in zip(task.motion.owners, moving, strict=True)):
         return False  # of the user's own: anything
@@ -174,7 +174,7 @@ def straight(task: Task) -> Answer | None:
     return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
 
 
-def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Bools:
+def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Flags:
     """Tell which places lie in some interval: "left" strictly inside, "right" on its ends too."""
     order = np.argsort(lows, kind="stable")
     before = np.searchsorted(lows[order], places, side)  # so many begin before

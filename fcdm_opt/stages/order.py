@@ -8,7 +8,6 @@ from typing import Literal
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages.branching import branch_and_bound, least_apart
@@ -88,7 +87,7 @@ def settled(task: Task, model: str = "auto") -> Answer:
 
 def best_so_far(task: Task, known: Answer | None = None) -> Answer:
     """Return the best that is known of a task whose search was left at the time limit: nothing is impossible."""
-    bound = max(displacement_bound(task), 0.0 if known is None else known.lower_bound)
+    bound = max(task.displacement_bound, 0.0 if known is None else known.lower_bound)
     stage = "left at the time limit"
     for answer in [*([known] if known is not None else []), *task.found]:
         if answer.q is not None and task.allows(answer.q) and task.meets(answer.q, DEFAULT.requirement):

@@ -18,7 +18,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.bounds import displacement_bound, search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
@@ -69,7 +68,7 @@ def one_parameter(task: Task) -> Answer | None:
         if min(clear) < np.inf and (task.keep_out or task.need > 0):
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
-    bound = max(min(clear), 0.0 if steady else displacement_bound(task))
+    bound = max(min(clear), 0.0 if steady else task.displacement_bound)
     q = amount * ways[nearer]
     if steady and not task.meets(q, DEFAULT.requirement):
         return None
@@ -140,7 +139,7 @@ def _searched(task: Task, direction: Array, limit: float, start: float, most: in
     """Return the first contact by steps of first order, which along one parameter of known reach prove as much."""
     from scipy.optimize import brentq
 
-    rate, slack = search_rate(task), DEFAULT.line * task.size
+    rate, slack = task.search_rate, DEFAULT.line * task.size
 
     def miss(amount: float) -> float:
         return task.misses(amount * direction)[0]
@@ -178,7 +177,7 @@ def on_a_ray(task: Task, known: Answer | None) -> Answer | None:
     Along the axes always, as a start may have passed the contact by; along the others where nothing is known, or the
     best known motion is as large as the bodies.
     """
-    large = known is None or known.amount * search_rate(task) > LARGE * task.size
+    large = known is None or known.amount * task.search_rate > LARGE * task.size
     contact, tried = None, directions(task, FINE) if large else directions(task, ())
     most = min(max(TRIED // (task.part_pairs * len(tried)), FEWEST), STEPS)
     for direction in tried:

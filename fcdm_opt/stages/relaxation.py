@@ -11,7 +11,6 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.curve.contact import distinct
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.bounds import displacement_bound
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
@@ -46,7 +45,7 @@ def nonlinear(task: Task) -> Answer:
     starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
     for relaxation in choices(task, answer.q, near=True):
         best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "sqpmethod")) or best
-    return replace(best, stage=answer.stage, lower_bound=min(displacement_bound(task), best.amount))
+    return replace(best, stage=answer.stage, lower_bound=min(task.displacement_bound, best.amount))
 
 
 def _program(task: Task) -> Answer:
@@ -61,7 +60,7 @@ def _program(task: Task) -> Answer:
         best = contact
         for relaxation in choices(task, contact.motion, near=True):
             best = _better(best, relaxation.smallest([contact.motion], "sqpmethod", best.amount)) or best
-    stage, bound = "4: nonlinear program", displacement_bound(task)
+    stage, bound = "4: nonlinear program", task.displacement_bound
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
         return Answer(status, None, f"{stage}, no start succeeded", bound)

@@ -16,7 +16,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.model.bounds import search_rate
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.stages.best_first import Choices, Rows, nearest
 from fcdm_opt.tolerances import DEFAULT
@@ -153,7 +152,7 @@ class Linearised(NamedTuple):
         rates = rates / task.weights[:, None, None]
         R, turns, seed = pose[:3, :3], rates[:, :3, :3], task.movable.seed
         offset, shifts = R @ seed + pose[:3, 3] - task.static.seed, turns @ seed + rates[:, :3, 3]
-        return cls(task, y, R, offset, turns, shifts, 2.0 * search_rate(task) * radius * np.sqrt(len(y)), {})
+        return cls(task, y, R, offset, turns, shifts, 2.0 * task.search_rate * radius * np.sqrt(len(y)), {})
 
     def apart(self, parts: Parts) -> list[Rows] | None:
         """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""

@@ -20,7 +20,7 @@ from fcdm_opt.along.march import Others
 from fcdm_opt.cli import app
 from fcdm_opt.curve.coherence import contact_faults
 from fcdm_opt.model.task import Task
-from fcdm_opt.show.family import family_figure
+from fcdm_opt.show.plots import family_figure
 from fcdm_opt.show.tables import print_ranges
 from fcdm_opt.show.verdict import range_texts
 

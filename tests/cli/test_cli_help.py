@@ -160,7 +160,7 @@ def test_the_shell_completes_commands_options_files_and_cases(monkeypatch: pytes
         ("stability", "error: --out: what to do is not given once; found 'neither'; allowed: "),
         (f"solve {BOXES} --case nope", "error: --case: no such case; found 'nope'; allowed: close the gap,"),
         ("stack x.toml --of base", "error: --of: not two parts; found 'base'; allowed: "),  # it was a TypeError
-        ("study x.toml --out o --engine foo", "error: --engine: no such word; found 'foo'; allowed: joblib or dask"),
+        ("study x.toml --out o --engine foo", "error: --engine: no such word; found 'foo'; allowed: joblib, dask"),
         (f"stack {LOOP} --of base,kay", "error: --of: no such part, did you mean 'key'?; found 'kay'; allowed: base,"),
         ("solve problems", "error: problems: the file cannot be read; found 'Is a directory'; allowed: "),
     ],

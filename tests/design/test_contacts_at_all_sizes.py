@@ -10,7 +10,7 @@ from scenes import CUBE, FLOOR, LOWER, OFF, PROBE, SCENES, TABLE, UPPER, X, Y, Z
 
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
-from fcdm_opt.show.report.sizes import stack_report
+from fcdm_opt.show.report.cases import stack_report
 
 NEAR = {"rel": 1e-7, "abs": 1e-7}
 THICK = fo.Size("thick", "lower", faces="+z", tolerance=(0.0, 0.1))

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from ordinary import CUBE, FAR, box, problems, random_scene
 
-from fcdm_opt.design.whatif.constraints import constraints, without
-from fcdm_opt.design.whatif.drop import Costs, Dropped, drop
+from fcdm_opt.design.whatif.constraints import Costs, Dropped, constraints, drop, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.motion.motions import Translation

@@ -16,9 +16,8 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt.design.places import overlap, parse, put, written
 from fcdm_opt.design.question import Question
-from fcdm_opt.design.study.derivation import LONGEST, Formula
 from fcdm_opt.design.study.study import Study
-from fcdm_opt.design.study.variables import grid, shares
+from fcdm_opt.design.study.variables import LONGEST, Formula, grid, shares
 from fcdm_opt.errors import InputError
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -14,10 +14,9 @@ from voxels import CUBE3, VOXELS, Voxels, surface_of
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry import decomposition
-from fcdm_opt.geometry.approximate import SHARE
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.cells import Arrangement, Cell
-from fcdm_opt.geometry.decomposition import decompose
+from fcdm_opt.geometry.decomposition import SHARE, decompose
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.mesh import Mesh, checked_mesh
 from fcdm_opt.geometry.partition import RULES, merged, partition
@@ -339,7 +338,7 @@ def surface_samples(triangles: np.ndarray, rng: np.random.Generator, count: int)
 @pytest.mark.parametrize("bulge", [0.0, 0.35])
 def test_the_deviation_of_coacd_bounds_what_samples_show(bulge, monkeypatch):
     finest = 0.02  # of the size: coarser than for users, and soon told
-    monkeypatch.setattr("fcdm_opt.geometry.approximate.FINEST", finest)
+    monkeypatch.setattr("fcdm_opt.geometry.decomposition.FINEST", finest)
     rng = np.random.default_rng(2)
     if bulge:  # a ring: hulls stick out into its hole
         vertices, triangles = extruded(ring(24, 1.0), (ring(24, 1.0 - bulge),))

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.design.whatif.fitting import fits_up_to
-from fcdm_opt.judge import dividing_planes, engagement
+from fcdm_opt.judge import engagement, passing
 from fcdm_opt.judge.engagement import passage
 from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
@@ -741,8 +741,8 @@ def test_planes_between_parts_tell_of_no_passage_what_lines_do(
     problem = nut_in_rail().changed(motion=ACROSS >> fo.Rotation("x"))
     asked = [(far * way[0], far * way[1], far * turn) for far in (-40.0, -9.0, -1.0, 0.2, 3.0, 9.0, 40.0)]
     found = []
-    for pairs in (dividing_planes.MOST_PAIRS, 0):
-        monkeypatch.setattr(dividing_planes, "MOST_PAIRS", pairs)
+    for pairs in (passing.MOST_PAIRS, 0):
+        monkeypatch.setattr(passing, "MOST_PAIRS", pairs)
         engagement.goes_through.cache_clear()
         found.append([engagement.goes_through(problem, q) for q in asked])
     assert found[0] == found[1]

@@ -22,8 +22,8 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.show import tables, texts
-from fcdm_opt.show.family import family_figure
 from fcdm_opt.show.maps import map_figure, yield_figure
+from fcdm_opt.show.plots import family_figure
 from fcdm_opt.show.printing import print_head
 from fcdm_opt.show.report.cases import answered
 from fcdm_opt.show.report.gather import gather

@@ -14,7 +14,7 @@ import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
-from fcdm_opt.show.report.sizes import size_rows
+from fcdm_opt.show.report.cases import size_rows
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 

@@ -22,11 +22,10 @@ from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show import texts
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report import gather as gathering
-from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered
+from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered, size_rows, stack_report, stack_reports
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.page import assembly_report
-from fcdm_opt.show.report.sizes import size_rows, stack_report, stack_reports
 from fcdm_opt.show.stacks import BEYOND, stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 

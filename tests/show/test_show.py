@@ -86,14 +86,9 @@ def draw(kind: str, example: int, name: str) -> Any:
     if kind == "before and after":
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
-    shown = ShownBodies.of(asked.movable, asked.static, rho=solution.rho, transform=solution.transform)
-    return scene_figure(
-        shown,
-        contacts=contacts_of(moved, solution.rho, shown),
-        said=asked.published_text,
-        title=TITLE,
-        caption="a caption",
-    )
+    placed = {"rho": solution.rho, "transform": solution.transform, "said": asked.published_text}
+    shown = ShownBodies.of(asked.movable, asked.static, **placed)
+    return scene_figure(shown, contacts=contacts_of(moved, solution.rho, shown), title=TITLE, caption="a caption")
 
 
 KINDS = pytest.mark.parametrize("kind", ["curve", "before and after", "scene"])
@@ -340,7 +335,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
         before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12
     )
     assert times > 10.0
-    figure = scene_figure(shown, said="0.001 along -x")
+    figure = scene_figure(replace(shown, said="0.001 along -x"))
     words = [" ".join(text.split()) for text in texts(figure)]
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0

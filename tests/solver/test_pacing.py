@@ -34,7 +34,7 @@ from fcdm_opt import (
     solve_assembly,
     verify,
 )
-from fcdm_opt.cli import MODULES, app, showing
+from fcdm_opt.cli import MODULES, app, helping
 from fcdm_opt.design.whatif.budget import budget
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry import matching
@@ -320,15 +320,15 @@ def test_a_bar_stands_below_what_is_printed_and_leaves_nothing(monkeypatch: pyte
     monkeypatch.setattr(sys, "stdout", out)
     monkeypatch.setattr(sys, "stderr", err)
     monkeypatch.setenv("TERM", "xterm")
-    sign = showing._Sign()
+    sign = helping._Sign()
     sign.tick()
     assert err.getvalue().endswith("loading libraries")  # at once, as text
     sign.told("cutting the lid", 3, 7)
-    sign._start -= showing.PATIENCE
+    sign._start -= helping.PATIENCE
     sign.tick()
     assert "cutting the lid" in err.getvalue()
     assert sign._bar.tasks[0].completed == 3
-    above = showing._Above(out, sign)
+    above = helping._Above(out, sign)
     above.write("a table\n")
     assert sign._bar is None
     assert err.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in err.getvalue()  # taken away, the cursor there again
@@ -338,8 +338,8 @@ def test_a_bar_stands_below_what_is_printed_and_leaves_nothing(monkeypatch: pyte
 def test_without_a_terminal_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     err, now = io.StringIO(), [0.0]
     monkeypatch.setattr(sys, "stderr", err)
-    monkeypatch.setattr(showing, "perf_counter", lambda: now[0])
-    sign = showing._Sign()
+    monkeypatch.setattr(helping, "perf_counter", lambda: now[0])
+    sign = helping._Sign()
     for second in range(10):
         now[0] = float(second)
         sign.told("proving", second, 0)

@@ -25,7 +25,7 @@ from fcdm_opt.geometry.patches import nearest_on_faces, true_faces
 from fcdm_opt.geometry.true_distance import FacesApart, PoseDerivatives
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.judge.true_faces import gap_of_true_faces
-from fcdm_opt.model import apart_until
+from fcdm_opt.model import mesh_error
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.show.verdict import fit_text
 
@@ -148,7 +148,7 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
 def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     block = fo.Prism([(-60, -9), (60, -9), (60, 30), (30, 30), (0, 0), (-30, 30), (-60, 30)], 60.0)
     problem = asked(fo.Cylinder(8.0, 50.0, base=(0, 8.0 * math.sqrt(2.0) + 0.1, 5.0)), block, Y)
-    monkeypatch.setattr(apart_until, "MOST", 300)
+    monkeypatch.setattr(mesh_error, "MOST", 300)
     assert usable(problem).amount_low < 0.09
     assert usable(problem, certify=True).amount_low == pytest.approx(0.1, rel=1e-4)
 
@@ -276,7 +276,7 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
         ),
     }[case]
     faces, problem = [true_faces(movable), true_faces(static)], asked(movable, static, motion)
-    low, near = apart_until.apart_until(problem, amount)
+    low, near = mesh_error.apart_until(problem, amount)
     assert near
     assert amount * (1.0 - 1e-4) <= low <= amount
     shifts = np.array([step.transform([1.0], np.zeros(3), np.zeros(3))[:3, 3] for step in motion.steps])
@@ -352,7 +352,7 @@ def test_a_pin_free_to_tilt_was_cleared_by_its_facets_as_a_proof_found_less_for_
 
 def test_bodies_about_parts_that_overlap_as_drawn_showed_what_true_parts_need(monkeypatch: pytest.MonkeyPatch) -> None:
     """They ask for a motion that takes them apart, 1.9, which says nothing about parts with play .01."""
-    monkeypatch.setattr(apart_until, "MOST", 100)
+    monkeypatch.setattr(mesh_error, "MOST", 100)
     solution = usable(asked(fo.Sphere(9.99, facets=12), socket(0.0, facets=12), Z))
     assert solution.amount == pytest.approx(0.01, **NEAR)
     assert solution.amount_low < 0.01
@@ -360,7 +360,7 @@ def test_bodies_about_parts_that_overlap_as_drawn_showed_what_true_parts_need(mo
 
 def test_parts_known_to_be_round_were_to_be_rounded_in_their_files(monkeypatch: pytest.MonkeyPatch) -> None:
     """What took too long was left open as of facets, with a line for a file that parts made in Python do not have."""
-    monkeypatch.setattr(apart_until, "MOST", 10)
+    monkeypatch.setattr(mesh_error, "MOST", 10)
     hub = fo.cut(fo.Cylinder(14, 20), d_shaped(6, 4, 24))
     sizes = [fo.Size("flat", "movable", faces={"through": (3.985, 0, 10)}, each=1, tolerance=0.01)]
     shaft = d_shaped(5.98, 3.985, 30)
@@ -405,7 +405,7 @@ def test_no_more_is_shown_of_motions_that_turn_than_is_true() -> None:
         problem = asked(one.moved(pose), two, motion)
         amount = usable(problem, effort="quick").amount
         bodies = list(problem.bodies[:2])
-        rates = apart_until._rates(problem, bodies)
+        rates = mesh_error._rates(problem, bodies)
         apart = FacesApart([true_faces(body) for body in bodies], 30_000)
         assert 0.25 * amount < apart.least_amount(rates, 1.5 * amount, 1.45 * amount) <= amount
 

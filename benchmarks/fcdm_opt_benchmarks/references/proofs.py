@@ -18,6 +18,7 @@ import numpy as np
 from flint import fmpq, fmpz
 
 from fcdm_opt.curve.exact import ExactCurve
+from fcdm_opt.curve.exact.curve import Shadow, Vertex
 from fcdm_opt.curve.exact.program import ARTIFICIAL, Basis, Start, independent
 from fcdm_opt.curve.exact.rationals import (
     ONE,
@@ -32,7 +33,6 @@ from fcdm_opt.curve.exact.rationals import (
     scale_pair,
     scaled,
 )
-from fcdm_opt.curve.exact.shadow import Shadow, Vertex
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
 

@@ -9,8 +9,7 @@ image of a polygon, the shadow of a linear program's solutions; its edges in the
 
 rationals   integers and rationals, to and from floats
 program     the linear program of two parts: columns, pricing, bases, pivots, phase one
-shadow      the polygon of all scale pairs that meet, corner by corner; which vertices carry a contact
-curve       what they come to: pieces, corners, chains
+curve       the polygon of all scale pairs that meet, corner by corner, and what it comes to: pieces, corners, chains
 """
 
 from fcdm_opt.curve.exact.curve import ExactChain, ExactCorner, ExactCurve, ExactPiece, exact_curve

@@ -12,9 +12,19 @@ from itertools import combinations, product
 
 import numpy as np
 
-from fcdm_opt.design.compensation.changeover import NARROW, Changeover, changeover
 from fcdm_opt.design.compensation.sampling import REJECTED, UNDECIDED, ActiveSet, Asking, Sample, Sampler
-from fcdm_opt.design.compensation.size_mesh import STRIP, Ends, MeshEdge, MeshVertex, Simplex, SizeMesh, Values
+from fcdm_opt.design.compensation.size_mesh import (
+    NARROW,
+    STRIP,
+    Changeover,
+    Ends,
+    MeshEdge,
+    MeshVertex,
+    Simplex,
+    SizeMesh,
+    Values,
+    changeover,
+)
 from fcdm_opt.design.compensation.table import amounts_of, nodes_of, quadratic_basis
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import round_surfaces

@@ -468,7 +468,9 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
     worst, best, search = found.worst, found.found, found.search
     least, most = (EndOfRange.of(worst.scene, best.off.rows, end) for end in best.off.extremes[:2])
     if isinstance(worst, WorstContacts) and (nearest := worst.nearest_wall(best.q, best.off.rows)):
-        least = replace(EndOfRange.of(*nearest[:3]), rho=least.rho, names=least.names)
+        wall, off = nearest
+        end = EndOfRange.of(wall.scene, off.rows, off.extremes.least)
+        least = replace(end, rho=least.rho, names=least.names)
     least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in (least, most))
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
     told, gaps = transforms_of(problem, best.q), worst.scene

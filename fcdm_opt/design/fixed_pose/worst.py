@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.true_sizes import TrueSizes
-from fcdm_opt.design.contact_gaps import ContactGaps, Extreme, Extremes, columns_of, relations_of
+from fcdm_opt.design.contact_gaps import ContactGaps, Extremes, columns_of, relations_of
 from fcdm_opt.design.fixed_pose.scene import NEAR, BodyGaps, GapRows, OwnSizes, Scales
 from fcdm_opt.design.sizes import SCALES, Sizes
 from fcdm_opt.errors import InputError
@@ -66,6 +66,7 @@ class Worst:
     keep_out: tuple[Worst, ...] = ()  # of the movable body and each keep-out, whose window is the clearance and more
     solid: Body | None = None  # the other body, where only its surface is known: a pose inside of it is none
     kept_first: bool = False  # whether the window is kept and keep-outs are missed, by as little as they can be
+    columns: Sequence[int] = ()  # of two parts among several: which of all sizes are theirs
     is_program: ClassVar[bool] = False  # whether a linear program tells the best pose
 
     def __post_init__(self) -> None:
@@ -80,7 +81,7 @@ class Worst:
         """Return it for the scales of both bodies, or, without them, for all of a problem's own sizes."""
         # with `true` of bodies that are exact at points of their round faces
         if sizes is not None:
-            near = tuple(own for own, _ in _kept_clear(problem, sizes, SCALES, own=False))
+            near = tuple(_kept_clear(problem, sizes, SCALES, own=False))
             bodies = (problem.movable, problem.static) if true is None else true.bodies
             scaled = Scales(*bodies, sizes, apart=() if true is None else true.apart())
             return cls(problem, scaled, low, high, keep_out=near)
@@ -104,7 +105,7 @@ class Worst:
             ends = ways[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
         scene, names = OwnSizes(movable, static, problem.sizes, places, true), [size.name for size in problem.sizes]
-        kept = (own for own, _ in _kept_clear(problem, scene.sizes, names, own=True, places=places))
+        kept = _kept_clear(problem, scene.sizes, names, own=True, places=places)
         near = tuple(replace(own, limits=limits) for own in kept)
         return cls(problem, scene, low, high, limits, keep_out=near)
 
@@ -235,43 +236,41 @@ class WorstContacts(Worst):
     # where the motion only shifts it is a linear one: its best pose is the best there is
     problem: Any
     scene: Any
-    columns: tuple[list[int], ...] = ()
-    # of whole parts that have a contact, and their sizes: no gap of any of their faces is less than the least
-    walls: tuple[tuple[Worst, list[int]], ...] = ()
+    walls: tuple[Worst, ...] = ()  # of all faces of parts that have a contact
 
     @classmethod
     def asked(cls, question: Scene, sizes: Sizes, names: Sequence[str], low: float, high: float) -> WorstContacts:
         """Return it of a question and all sizes that its parts may have, by their names."""
         own = [*names] == [size.name for size in question.sizes]
-        gaps, kept = ContactGaps(question, sizes, names, own=own), [*_kept_clear(question, sizes, names, own=own)]
-        columns = tuple(whose for _, whose in kept)
-        return cls(question, gaps, low, high, keep_out=tuple(worst for worst, _ in kept), columns=columns)
+        gaps = ContactGaps(question, sizes, names, own=own)
+        return cls(question, gaps, low, high, keep_out=tuple(_kept_clear(question, sizes, names, own=own)))
 
     def with_walls(self, q: Array) -> WorstContacts:
         """Return it with all faces of parts that have a contact, which may be nearer at parameters q than these."""
-        walls, gaps = list[tuple[Worst, list[int]]](), self.scene
-        for _, relation, columns in gaps.whole_parts():
-            wall = Worst(relation, _between(relation, gaps.sizes, columns, own=gaps.own), self.low, np.inf)
+        walls, gaps = list[Worst](), self.scene
+        for _, relation, whose in gaps.whole_parts():
+            both = _between(relation, gaps.sizes, whose, own=gaps.own)
+            wall = Worst(relation, both, self.low, np.inf, columns=whose)
             with suppress(InputError):  # sizes turn faces, or make another shape of a part
                 wall.off(q)
-                walls.append((wall, columns))
+                walls.append(wall)
         return replace(self, walls=tuple(walls))
 
-    def nearest_wall(self, q: Array, rows: Any) -> tuple[BodyGaps, GapRows, Extreme, list[int]] | None:
-        """Return the parts whose least gap at parameters q, rows and sizes, is below that of contacts, if one is."""
-        each = [(wall.scene, off.rows, off.extremes.least, own) for wall, own in self.walls for off in (wall.off(q),)]
-        nearest = min(each, key=lambda own: own[2].gap, default=None)
+    def nearest_wall(self, q: Array, rows: Any) -> tuple[Worst, Off] | None:
+        """Return the parts whose least gap at parameters q is below that of contacts, and it, if one is."""
+        each = [(wall, wall.off(q)) for wall in self.walls]
+        nearest = min(each, key=lambda own: own[1].extremes.least.gap, default=None)
         least = self.scene.extremes(rows).least.gap - DEFAULT.tie * self.scene.size
-        return nearest if nearest is not None and nearest[2].gap < least else None
+        return nearest if nearest is not None and nearest[1].extremes.least.gap < least else None
 
     def extremes(self, q: Array, rows: Any, *window: tuple[float, float]) -> Extremes:
         """Return them: the least of all faces where walls are looked at, the largest of contacts."""
         found, nearest = super().extremes(q, rows, *window), self.nearest_wall(q, rows)
         if nearest is None:
             return found
-        place = np.clip(0.0 if self.scene.own else 1.0, *self.scene.sizes.box.T)
-        place[nearest[3]] = nearest[2].rho[: len(nearest[3])]
-        return found._replace(least=nearest[2]._replace(rho=frozen(place)))
+        (wall, off), place = nearest, np.clip(0.0 if self.scene.own else 1.0, *self.scene.sizes.box.T)
+        place[wall.columns] = off.extremes.least.rho[: len(wall.columns)]
+        return found._replace(least=off.extremes.least._replace(rho=frozen(place)))
 
     def claims(self, q: Array, least: float, *, failed: bool) -> GapClaims:
         """Return what `verify` looks at: the gap of each contact, and what is kept clear of unless that failed.
@@ -280,11 +279,11 @@ class WorstContacts(Worst):
         """
         gaps, poses = self.scene, self.scene.transforms(q)
         first, *others = gaps.claims(poses)
-        for k, relation, columns in gaps.whole_parts():
-            claim = gaps.claim(relation, columns, poses[k])
+        for k, relation, whose in gaps.whole_parts():
+            claim = gaps.claim(relation, whose, poses[k])
             others.append(replace(claim, keep_out=[(claim.bodies[1], min(least, 0.0))]))
-        for kept, columns in zip(self.keep_out, self.columns, strict=True) if not failed else ():
-            claim = gaps.claim(kept.problem, columns, kept.transform(q))
+        for kept in () if failed else self.keep_out:
+            claim = gaps.claim(kept.problem, kept.columns, kept.transform(q))
             others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
         return replace(first, beside=others)
 
@@ -325,7 +324,7 @@ class WorstContacts(Worst):
         step = 1.0 if self.problem.shifts else DIFFERENCE
         ends, slopes = self.differences(lambda at: np.array(self.scene.ends(self.rows(at))), q, step)
         values, rates = np.append(self.low - ends[0], ends[1] - self.high), np.concatenate([-slopes[0], slopes[1]])
-        walls = [replace(own, low=self.low).linear(q)[:2] for own, _ in self.walls]
+        walls = [replace(own, low=self.low).linear(q)[:2] for own in self.walls]
         values, rates = (np.concatenate(own) for own in zip((values, rates), *walls, strict=True))
         return self._with_keep_outs(q, values, rates)
 
@@ -342,21 +341,21 @@ def least_motion(values: Array, slopes: Array, q: Array, weights: Array, steps: 
 
 def _kept_clear(
     question: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, places: Array | None = None
-) -> Iterator[tuple[Worst, list[int]]]:
-    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap and their sizes."""
+) -> Iterator[Worst]:
+    """Yield of every two parts that are kept clear of each other, and of keep-outs, their worst gap."""
     every = relations_of(question)
     for pair, relation in every.items():
         whose = columns_of(pair, relation, names, own=own)
         for body, gap, solid in obstacles(relation):
             both = _between(relation, sizes, whose, own=own, body=body, places=places)
-            yield Worst(relation, both, gap, np.inf, solid=solid), whose
+            yield Worst(relation, both, gap, np.inf, solid=solid, columns=whose)
     # the two parts of a contact may be asked about keep-outs the other way round
     clear = (pair for pair, it in every.items() if it.goal == "clear" and pair[::-1] not in every)
     for pair in clear if isinstance(question, Assembly) else ():
         relation, whose = every[pair], columns_of(pair, every[pair], names, own=own)
         both = _between(relation, sizes, whose, own=own)
         solid = both.static if both.static.is_surface else None
-        yield Worst(relation, both, relation.clearance, np.inf, solid=solid), whose
+        yield Worst(relation, both, relation.clearance, np.inf, solid=solid, columns=whose)
 
 
 def _between(

@@ -11,7 +11,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
-from fcdm_opt.design.stack.contributions import mixture
+from fcdm_opt.design.stack.spread import mixture
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.lazy_import import extra, imported

@@ -12,9 +12,17 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.allocation import Allocation, allocated
-from fcdm_opt.design.stack.contributions import GapSpread, gap_spread, worst_rows
 from fcdm_opt.design.stack.loops import Loop, assembly_loop, of_all_faces, pair_loop
-from fcdm_opt.design.stack.spread import GapYield, drawn_from, drawn_gaps, moments, spreads
+from fcdm_opt.design.stack.spread import (
+    GapSpread,
+    GapYield,
+    drawn_from,
+    drawn_gaps,
+    gap_spread,
+    moments,
+    spreads,
+    worst_rows,
+)
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
 from fcdm_opt.geometry.bodies import rigid_transform

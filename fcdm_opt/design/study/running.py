@@ -19,7 +19,7 @@ from fcdm_opt.design.study.processes import Processes, Work
 from fcdm_opt.design.study.results import StudyResult
 from fcdm_opt.design.study.store import Store
 from fcdm_opt.design.study.study import Study, StudyPoint
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.version import __version__
 
@@ -153,8 +153,7 @@ class StudyRun:
 
 def check_engine(engine: str, jobs: int | None, scheduler: str | None) -> None:
     """Refuse arguments of `run_study` that fit no engine."""
-    if engine not in ENGINES:
-        raise InputError("no such engine", key="engine", found=engine, allowed='"joblib" or "dask"')
+    known_word(engine, ENGINES, "no such engine", key="engine")
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise InputError("not a number of processes", key="jobs", found=jobs, allowed="1, 2, ...")
     if scheduler is not None and engine != "dask":

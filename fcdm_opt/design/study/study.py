@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 
 from fcdm_opt.design.places import Place, overlap, parse
 from fcdm_opt.design.question import Question, canonical, digest, excluded, located, plain_value
-from fcdm_opt.design.study.derivation import Derivation
 from fcdm_opt.design.study.schema import Sampling, StudyArguments, StudyFile, YieldEntry
-from fcdm_opt.design.study.variables import MOST, PARAMETERS, Variable, shares, variable_of
+from fcdm_opt.design.study.variables import MOST, PARAMETERS, Derivation, Variable, shares, variable_of
 from fcdm_opt.errors import InputError, checked_path, closest, known_arguments, name_list, placed
 from fcdm_opt.problem.arguments import items
 from fcdm_opt.problem.scene import Scene

@@ -23,7 +23,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.design.sizes import by_name, not_counted, tolerance_boxes
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
-from fcdm_opt.errors import InputError, expected, known_arguments
+from fcdm_opt.errors import InputError, expected, known_arguments, known_word
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
@@ -324,7 +324,7 @@ def budget(
     given: Any = every if every is not None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
     for letter in letters:
-        arguments.choice(letter, "requirements", known)
+        known_word(letter, known, "unknown requirements", key="requirements")
     if not letters:
         allowed = ", ".join(known)
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)

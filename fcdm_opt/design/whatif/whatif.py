@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from time import perf_counter
@@ -11,20 +11,241 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from fcdm_opt.along.sensitivity import Sensitivity, by_moves
+from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.question import excluded
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.constraints import scene_of
-from fcdm_opt.design.whatif.prediction import Prediction, prediction, same
 from fcdm_opt.errors import InputError, closest
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.lazy_import import NotebookRepr
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.entries import plain_keep_out
+from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
+
+NAN = float("nan")
+HARMLESS = ("more constraints", "either of several")  # derivatives that these open are nan, the rest hold
+DISCRETE = ("goal", "motion", "pair", "path", "amount", "requirement", "resolution", "features")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction(Plain):
+    """What the derivatives of a solved problem predict."""
+
+    # that of the motion which the derivatives of the motion predict, where sizes alone are changed and these are known;
+    # else the amount before plus all `terms`. Length units; nan where one of them is
+    amount: float
+    # what was changed -> what it adds to the amount, to first order; nan where there is no derivative by it
+    terms: Mapping[str, float] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()  # why a term is nan, or why the prediction may hold for smaller changes only
+
+
+BY_SIZE, IN_WORDS = ("scales", "made"), ("name", "unit")  # arguments of an assembly: with derivatives, and only shown
+
+Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
+
+
+def prediction(before: Any, problem: Any) -> Prediction:
+    """Return the amount of a changed question, `problem`, to first order."""
+    # right to second order in the changes while the same constraints hold the motion
+    several = isinstance(before, AssemblySolution)
+    discrete = [] if several else [*_discrete(before.question, problem)]
+    told = discrete
+    if not discrete:  # else the derivatives need not be worked out
+        told = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
+        blocking = "; ".join(why for why in before.sensitivity.reasons if not why.startswith(HARMLESS))
+        if told and blocking:
+            told = [(name, NAN, blocking) for name, _, _ in told]
+    terms = {name: term for name, term, _ in told}
+    amount = _of_motion(before, problem) if terms and not discrete else None
+    amount = before.amount + sum(terms.values()) if amount is None else amount
+    reasons = dict.fromkeys(reason for _, _, reason in told if reason)
+    if terms and amount < -DEFAULT.tie * problem.size:
+        reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
+    return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
+
+
+def _of_motion(before: Any, new: Any) -> float | None:
+    """Return the weighted amount of the motion to first order in the sizes changed; None where more is changed."""
+    # it is right across motions at which the amount has a kink, as where a part is moved the other way
+    old, rates = before.question, before.sensitivity
+    others = [key for key in old.request if key not in (*BY_SIZE, *IN_WORDS, "exact_at")]
+    alike = all(same(old.request[key], new.request[key]) for key in others)
+    if not (alike and before.coordinates) or old.amount != "weighted":
+        return None
+    q = np.array([*before.coordinates.values()])
+    for key, by in (("scales", "motion_by_scale"), ("made", "motion_by_size")):
+        was, now = (getattr(own, key, None) or {} for own in (old, new))
+        for name in was:
+            if was[name] != now.get(name, was[name]):
+                q = q + getattr(rates, by).get(name, NAN) * (now[name] - was[name])
+    amount = float(np.linalg.norm(q * [own.weight for own in old.coordinates]))
+    return None if np.isnan(amount) else amount
+
+
+def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
+    """Yield what changed scales and sizes of an assembly add to the amount; by all else there is no derivative."""
+    old, rates = before.assembly, before.sensitivity
+    for key, value in new.request.items():
+        if key not in (*BY_SIZE, *IN_WORDS) and not same(old.request[key], value):
+            yield key, NAN, f"no derivative by {key} of an assembly"
+    for key, known in (("scales", rates.scales), ("made", rates.sizes)):
+        was, now = getattr(old, key), getattr(new, key)
+        for name in (name for name in known if name in now and was[name] != now[name]):
+            yield _told(f"{key}.{name}", [known[name]], [now[name] - was[name]])
+
+
+def _discrete(old: Problem, new: Problem) -> Told:
+    """Yield changes that no derivative speaks of."""
+    for name in DISCRETE:
+        one, two = getattr(old, name), getattr(new, name)
+        if name == "requirement" and None in (one, two):  # the same pair, given in another way: see the target
+            continue
+        if not same(one, two):
+            yield name, NAN, f"{name} is another: no derivative by it"
+    if isinstance(old.nominal, int) and isinstance(new.nominal, int) and old.nominal != new.nominal:
+        yield "nominal", NAN, "another switching point: no derivative by its number"
+    elif old.tracked_features != new.tracked_features or (
+        isinstance(old.nominal, int) and old.nominal_features != new.nominal_features
+    ):
+        yield "nominal", NAN, "the nominal contact has other features"
+    if [kept.name for kept in old.keep_out] != [kept.name for kept in new.keep_out]:
+        yield "keep_out", NAN, "other keep-outs: no derivative by them"
+    else:
+        for one, two in zip(old.keep_out, new.keep_out, strict=True):
+            if one.scale != two.scale:
+                yield f"keep_out {one.name!r} scale", NAN, "no derivative by the scale of a keep-out"
+
+
+def _changes(before: Solution, new: Problem) -> Told:
+    old, rates = before.problem, before.sensitivity
+    yield from _pair(old, new, rates)
+    if old.amount == "weighted" and (change := new.weights - old.weights).any():  # of the length as well
+        yield _told("weights", list(rates.weights.values()), change)
+    yield from _limits(before, new)
+    if old.clearance != new.clearance:
+        yield _told("clearance", [rates.clearance], [new.clearance - old.clearance])
+    pairs = [(one.name, one.clearance, other.clearance) for one, other in zip(old.keep_out, new.keep_out, strict=True)]
+    for name, one, two in pairs:
+        if one != two:
+            yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
+    if old.exact_at is not None and all(same(old.drawn[role], new.drawn[role]) for role in old.drawn):
+        for name, now in (new.made or {}).items():  # the points at which parts are exact go with the sizes
+            if now != (was := (old.made or {}).get(name, 0.0)):
+                yield _told(f"made.{name}", [rates.sizes[name]], [now - was])
+        return
+    keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
+    bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
+    for key, one_body, two_body in zip(keys, *bodies, strict=True):
+        yield from _body(key, one_body, two_body, rates)
+
+
+def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
+    """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself."""
+    # a nominal switching point that moves with the geometry is in the derivatives by the geometry
+    if old.requirement is None or new.requirement is None:
+        if not np.array_equal(old.target, new.target):
+            yield _told("target", rates.target, new.target - old.target)
+        return
+    if not np.array_equal(old.tolerance, new.tolerance):
+        yield _told("tolerance", rates.tolerance, np.subtract(new.tolerance, old.tolerance))
+    if np.array_equal(old.nominal_pair, new.nominal_pair) or isinstance(new.nominal, int):
+        return
+    if old.goal in TRACKING and same(old.request["nominal"], new.request["nominal"]):
+        if not isinstance(new.nominal_contact, SwitchingPoint):
+            yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
+        return
+    yield _told("nominal", rates.nominal, new.nominal_pair - old.nominal_pair)
+
+
+def _limits(before: Solution, new: Problem) -> Told:
+    """Yield what changed limits add."""
+    for k, (name, (lower, upper)) in enumerate(before.sensitivity.limits.items()):
+        held, ends = before.problem.limits[k], new.limits[k]
+        if held[0] == held[1]:
+            yield from _freed(name, lower, ends - held[0])
+            continue
+        for side, rate in enumerate((lower, upper)):
+            one, two = float(before.problem.limits[k, side]), float(new.limits[k, side])
+            if one == two:
+                continue
+            label, q = f"limits.{name} {('lower', 'upper')[side]}", before.parameters.get(name, NAN)
+            beyond = (q - two) * new.weights[k] * (-1.0, 1.0)[side]
+            if np.isfinite(two - one):
+                term = _told(label, [rate], [two - one])
+                if rate == 0 and beyond > DEFAULT.active * new.size:
+                    term = (label, NAN, f"the motion before breaks the new limit of {name}, which did not hold it")
+                yield term
+            elif np.isfinite(one) and rate != 0:
+                yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
+            elif np.isfinite(two) and not beyond <= 0:
+                yield label, NAN, f"the motion before breaks the new limit of {name}"
+            else:
+                yield label, 0.0, ""
+
+
+def _freed(name: str, rate: float, moves: Array) -> Told:
+    """Yield what it adds that a parameter held at one value may be in a range about it: its best end, if it has one."""
+    # equal limits are one datum, with one derivative
+    if not moves.any():
+        return
+    label, best = f"limits.{name}", float((rate * moves).min()) if rate else 0.0
+    if np.isinf(best):
+        yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
+    else:
+        yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
+
+
+def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
+    """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
+    name = key.strip()
+    if old is new:
+        return
+    if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
+        yield f"{name} shape", NAN, f"{name} has other vertices, faces or parts: no derivative by that"
+        return
+    seed = new.seed - old.seed
+    if seed.any():
+        yield _told(f"{name} seed", rates.seeds[name], seed)
+    moves = new.vertices - old.vertices
+    if not moves.any():
+        return
+    change, by = by_moves(key, old, moves, rates.faces, rates.vertices)
+    reason = f"no derivative by a vertex of {name} that moves and breaks or turns a face that matters"
+    yield f"{name} {by}", change, reason if np.isnan(change) else ""
+
+
+def _told(name: str, rates: Any, changes: Any) -> tuple[str, float, str]:
+    """Return a term: derivatives times changes, of which those that are zero need no derivative."""
+    rates, changes = np.ravel(np.asarray(rates)), np.ravel(np.asarray(changes))
+    used = changes != 0
+    total = float(rates[used] @ changes[used])
+    return name, total, f"no derivative by {name} there" if np.isnan(total) else ""
+
+
+def same(one: Any, two: Any) -> bool:
+    """Tell whether two arguments of a problem are the same."""
+    if one is two:
+        return True
+    if isinstance(one, np.ndarray) or isinstance(two, np.ndarray):
+        return np.array_equal(one, two)
+    if isinstance(one, list | tuple) and isinstance(two, list | tuple):
+        return len(one) == len(two) and all(map(same, one, two))
+    if isinstance(one, Size) and isinstance(two, Size):
+        return one.to_dict() == two.to_dict()
+    if isinstance(one, KeepOut) and isinstance(two, KeepOut):
+        return plain_keep_out(one) == plain_keep_out(two)
+    return bool(type(one) is type(two) and one == two)
 
 
 class Difference(NamedTuple):

@@ -18,7 +18,6 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.report.frames import Frames
 from fcdm_opt.show.texts import motion_text, parameter_texts
-from fcdm_opt.show.verdict import refusal_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -89,7 +88,7 @@ def motion_family(frames: Frames, solution: Solution, share: float) -> dict[str,
     None without a motion to use, and where it is none at all.
     """
     q = np.array(list(solution.parameters.values()))
-    if solution.transform is None or not q.any() or refusal_text(solution):
+    if not (solution.usable and q.any()):
         return None
     problem, task = solution.problem.reformulated, Task.of(solution.problem)
     low, high = problem.limits.T

@@ -31,7 +31,6 @@ from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges
 from fcdm_opt.show.sections import Touching, touching
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
-from fcdm_opt.show.verdict import refusal_text
 from fcdm_opt.tolerances import DEFAULT
 
 LATE = "what touches, and at which sizes, is left out for time"
@@ -228,7 +227,6 @@ def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pie
         {"name": name, "colour": COLOURS[k % len(COLOURS)], **_solid(k, role, own)}
         for k, (name, role, own) in enumerate(shown)
     ]
-    refused = bool(refusal_text(solution))
     poses = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
     overlaps = [piece for each in contacts if each.is_overlap for piece in each.pieces]
     made = {
@@ -244,7 +242,7 @@ def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pie
         "name": assembly.name,
         "scene": {"size": assembly.size, "objects": objects, **_seen(pieces)},
         "normal": drawn(contacts[0].normal if contacts else np.eye(3)[2]),
-        "poses": {"rescaled": made, "corrected": None if refused else {**made, **moved}},
+        "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.usable else None},
         "feature_shapes": [],
     }
 

@@ -18,13 +18,12 @@ from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.rendering import whole_page
-from fcdm_opt.show.report.cases import picture_of
+from fcdm_opt.show.report.cases import beyond_stack, picture_of, size_rows, stack_reports
 from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
-from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.verdict import length_text, refusal_text
+from fcdm_opt.show.verdict import length_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -149,7 +148,7 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
     """Return the data of one case of an assembly; `name` begins the identifiers of its pictures."""
     bodies, contacts = parts_of(solution)
     assembly, unit = solution.assembly, solution.assembly.unit
-    pieces = scene_pieces(bodies, contacts=contacts, said=refusal_text(solution), unit=unit)
+    pieces = scene_pieces(bodies, contacts=contacts, unit=unit)
     certificate, verdict, lines = solution.certificate, assembly_verdict(solution), unsaid(solution)
     if (why := solution.reason) and verdict[1:].startswith(why[1:]):  # what is to be done comes below
         verdict, lines = f"{solution.status.words}: {why}", [verdict[len(why) + 2 :], *lines]
