@@ -7,7 +7,7 @@ a point is from the axis, and along it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -211,22 +211,31 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
     normals /= np.maximum(norms(normals), _TINY)[:, None]
     errors, known = np.zeros((len(corners), 2)), np.zeros(len(corners), bool)
     nearest, chosen, rounds = np.full(count, np.inf), np.full(count, -1), list[Swept]()
+    known_misses, slack = dict[bytes, list[Array]](), DEFAULT.touch * float(np.ptp(corners, axis=(0, 1)).max())
     for surface in sorted(surfaces.known, key=lambda own: not own.flat):
-        off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, 3).max(axis=1)
-        (on,) = np.nonzero((off <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
-        on = on[np.abs((surface.misses(corners[on].mean(axis=1))[1] * normals[on]).sum(axis=1)) > ALONG]
+        misses = surface.misses(corners.reshape(-1, 3))[0].reshape(-1, 3)
+        (on,) = np.nonzero((np.abs(misses).max(axis=1) <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
+        off, turn = surface.misses(corners[on].mean(axis=1))
+        turn = (turn * normals[on]).sum(axis=1)
+        on, off, turn = (own[np.abs(turn) > ALONG] for own in (on, off, turn))
         known[on] = True
-        if not surface.flat:
-            errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
-            off, turn = surface.misses(corners[on].mean(axis=1))
-            off = np.abs(off) + (1.0 - np.abs((turn * normals[on]).sum(axis=1)))  # of two that its corners are on
-            better = off < nearest[owners[on]]
-            nearest[owners[on][better]], chosen[owners[on][better]] = off[better], len(rounds)
-            rounds.append(surface)
+        if surface.flat:
+            continue
+        pieces = known_misses.setdefault(on.tobytes(), [])
+        if any(np.abs(misses[on] - other).max(initial=0.0) <= slack for other in pieces):
+            continue  # another piece of one round face, as of a bore that is drawn in two halves
+        pieces.append(misses[on])
+        errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
+        off = np.abs(off) + (1.0 - np.abs(turn))  # of two that its corners are on
+        better = off < nearest[owners[on]]
+        faces = owners[on][better]
+        nearest[faces], chosen[faces] = off[better], 2 * len(rounds) + (turn[better] < 0.0)  # a bore is no cylinder
+        rounds.append(surface)
     errors[~known] = surfaces.other
     found = np.zeros((count, 2))
     np.maximum.at(found, owners, errors)
-    own = tuple((each, tuple(np.flatnonzero(chosen == k).tolist())) for k, each in enumerate(rounds))
+    sides = ((each, 2 * k + side) for k, each in enumerate(rounds) for side in range(2))
+    own = ((each, tuple(np.flatnonzero(chosen == k).tolist())) for each, k in sides)
     return np.where(found > surfaces.within, found, 0.0), tuple(each for each in own if each[1])
 
 
@@ -254,10 +263,34 @@ def centroid_within(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | N
 def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
     """Return the centroid of the solid that is bounded by the surfaces that triangles stand for, (3,).
 
-    Triangles are split, with new corners on the surface, or at the sides of two on both; volumes and moments of ever
-    smaller ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
-
     `corners` (t, 3, 3): of a closed surface, on the surfaces. `owners` (t,): the surface of each triangle.
+    """
+
+    def moments(small: Array) -> Array:
+        volume, middle, _ = volume_and_centroid(small.reshape(-1, 3, 3))
+        return volume * np.append(middle, 1.0)
+
+    moment, drawn = _extrapolated(corners, surfaces, owners, moments), volume_and_centroid(corners)[1]
+    found = moment[:3] / moment[3]
+    return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+
+
+def true_areas(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
+    """Return the area of what each triangle stands for, (t,); arguments as of `true_centroid`."""
+    normals = unit_normals(corners)[:, None]
+
+    def areas(small: Array) -> Array:
+        doubled = cross(small[:, :, 1] - small[:, :, 0], small[:, :, 2] - small[:, :, 0])
+        return np.copysign(norms(doubled), (doubled * normals).sum(axis=2)).sum(axis=1) / 2.0
+
+    return _extrapolated(corners, surfaces, owners, areas)
+
+
+def _extrapolated(corners: Array, surfaces: Sequence[Swept], owners: Ints, measure: Callable[[Array], Array]) -> Array:
+    """Return what a measure of smaller triangles of each triangle, (t, m, 3, 3), comes to on the surfaces.
+
+    Triangles are split, with new corners on the surface, or at the sides of two on both; the measures of ever smaller
+    ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
     """
     _, same = distinct_rows(corners.reshape(-1, 3))
     ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
@@ -268,6 +301,8 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
         end.at(own, side, owners[:, None])
     on_sides = np.stack([least, most], axis=1)[side]  # the surfaces on both sides of each
     table, flat = list[Array](), np.array([own.flat for own in surfaces])
+    axes = np.array([[own.origin for own in surfaces], [own.axis for own in surfaces]])
+    turned = np.array([not own.flat and (own.line is not None or own.ring > 0.0) for own in surfaces])  # no balls
     for n in SPLITS:
         shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)])
         points = np.einsum("pc,tcx->tpx", shares / n, corners)
@@ -283,7 +318,10 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
                 found = np.flatnonzero(moved)[:, None]
                 if moved.any() and len(rows):
                     onto_them = np.repeat(of[moved], len(rows), axis=0)
-                    there = onto_each(points[found, rows].reshape(-1, 3), surfaces, onto_them)
+                    about = np.where(turned[one], one, two)[moved]
+                    asked = points[found, rows], corners[moved], shares[rows] / n
+                    near = np.where(turned[about, None, None], _about_axes(*asked, axes[:, about]), asked[0])
+                    there = onto_each(near.reshape(-1, 3), surfaces, onto_them)
                     points[found, rows] = there.reshape(-1, len(rows), 3)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
@@ -292,14 +330,25 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
             for i, j in np.ndindex(n, n)
             if i + j + max(a + b for a, b in steps) <= n
         ]
-        volume, middle, _ = volume_and_centroid(points[:, small].reshape(-1, 3, 3))
-        table.append(volume * np.append(middle, 1.0))
+        table.append(measure(points[:, small]))
         weight = 1.0
         for k in range(len(table) - 2, -1, -1):
             weight *= 4.0
             table[k] = table[k + 1] + (table[k + 1] - table[k]) / (weight - 1.0)
-    drawn, found = volume_and_centroid(corners)[1], table[0][:3] / table[0][3]
-    return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+    return table[0]
+
+
+def _about_axes(points: Array, corners: Array, shares: Array, axes: Array) -> Array:
+    """Return points of triangles, (m, p, 3), as far from axes as lies between their corners, (m, 3, 3).
+
+    So points between two on a rim are on it, also where two faces are tangent there. `shares` (p, 3) of the corners;
+    `axes` (2, m, 3): a point of each, and its direction.
+    """
+    origin, axis = axes[:, :, None]
+    own, ends = (x - origin - ((x - origin) * axis).sum(axis=2, keepdims=True) * axis for x in (points, corners))
+    far = norms(own)
+    grown = norms(ends) @ shares.T / np.maximum(far, _TINY)
+    return points + np.where(far > 0.0, grown - 1.0, 0.0)[:, :, None] * own
 
 
 def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float) -> Array:
