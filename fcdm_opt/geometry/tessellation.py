@@ -129,16 +129,11 @@ class Swept(NamedTuple):
         origin = scale * (turn @ self.origin + shift)
         return self._replace(origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius)
 
-    def left_by(self, corners: Array) -> tuple[float, float]:
+    def left_by(self, corners: Array) -> Array:
         """Return how far triangles (m, 3, 3), wound outwards, stick out of a solid of that face, and fall short of it.
 
-        The most of any of them, see `left_by_each`.
+        The most of each of them, (m, 2).
         """
-        out, short = self.left_by_each(corners).max(axis=0, initial=0.0).tolist()
-        return out, short
-
-    def left_by_each(self, corners: Array) -> Array:
-        """Return the same of each triangle, (m, 2)."""
         # exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
         # corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
         # sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
@@ -177,7 +172,7 @@ class Swept(NamedTuple):
         # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
         # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
         # what is left where the rim is cut off at more than 27 degrees
-        left = self.left_by_each(corners)
+        left = self.left_by(corners)
         if self.line is None:
             return left
         one, two, three = corners.transpose(1, 0, 2)
@@ -313,16 +308,13 @@ def _extrapolated(corners: Array, surfaces: Sequence[Swept], owners: Ints, measu
             where.append((on, on_sides[:, k]))
         for rows, pairs in where:
             one, two = pairs.T
-            within, between = (one == two) & ~flat[one], (one != two) & ~(flat[one] & flat[two])
-            for moved, of in ((within, pairs[:, :1]), (between, pairs)):
-                found = np.flatnonzero(moved)[:, None]
-                if moved.any() and len(rows):
-                    onto_them = np.repeat(of[moved], len(rows), axis=0)
-                    about = np.where(turned[one], one, two)[moved]
-                    asked = points[found, rows], corners[moved], shares[rows] / n
-                    near = np.where(turned[about, None, None], _about_axes(*asked, axes[:, about]), asked[0])
-                    there = onto_each(near.reshape(-1, 3), surfaces, onto_them)
-                    points[found, rows] = there.reshape(-1, len(rows), 3)
+            found = np.flatnonzero(~(flat[one] & flat[two]) if len(rows) else rows)
+            if len(found):
+                about, moved = np.where(turned[one], one, two)[found], points[found[:, None], rows]
+                near = _about_axes(moved, corners[found], shares[rows] / n, axes[:, about])
+                near = np.where(turned[about, None, None], near, moved).reshape(-1, 3)
+                there = onto_each(near, surfaces, np.repeat(pairs[found], len(rows), axis=0))
+                points[found[:, None], rows] = there.reshape(moved.shape)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
             [number[i + a, j + b, n - i - j - a - b] for a, b in steps]
