@@ -249,44 +249,42 @@ def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tup
     return surfaces, owners
 
 
-def centroid_within(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | None:
-    """Return the centroid of the true solid, (3,); None where no face is round. See `errors_of_faces`."""
-    rounds = errors_of_faces(corners, rows, int(rows.max()) + 1, surfaces)[1]
-    return true_centroid(corners, *surfaces_of_triangles(corners, rows, rounds)) if rounds else None
+def true_centroid(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | None:
+    """Return the centroid of the solid that triangles of a closed surface stand for, (3,); None where none is round.
 
-
-def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
-    """Return the centroid of the solid that is bounded by the surfaces that triangles stand for, (3,).
-
-    `corners` (t, 3, 3): of a closed surface, on the surfaces. `owners` (t,): the surface of each triangle.
+    `corners` (t, 3, 3), `rows` (t,): the face that each is of. See `errors_of_faces`.
     """
 
     def moments(small: Array) -> Array:
         volume, middle, _ = volume_and_centroid(small.reshape(-1, 3, 3))
         return volume * np.append(middle, 1.0)
 
-    moment, drawn = _extrapolated(corners, surfaces, owners, moments), volume_and_centroid(corners)[1]
+    rounds = errors_of_faces(corners, rows, int(rows.max()) + 1, surfaces)[1]
+    if not rounds:
+        return None
+    moment, drawn = _extrapolated(corners, rows, rounds, moments), volume_and_centroid(corners)[1]
     found = moment[:3] / moment[3]
     return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
 
 
-def true_areas(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
-    """Return the area of what each triangle stands for, (t,); arguments as of `true_centroid`."""
+def true_areas(corners: Array, rows: Ints, rounds: RoundFaces) -> Array:
+    """Return the area of what each triangle of a closed surface stands for, (t,); see `surfaces_of_triangles`."""
     normals = unit_normals(corners)[:, None]
 
     def areas(small: Array) -> Array:
         doubled = cross(small[:, :, 1] - small[:, :, 0], small[:, :, 2] - small[:, :, 0])
         return np.copysign(norms(doubled), (doubled * normals).sum(axis=2)).sum(axis=1) / 2.0
 
-    return _extrapolated(corners, surfaces, owners, areas)
+    return _extrapolated(corners, rows, rounds, areas)
 
 
-def _extrapolated(corners: Array, surfaces: Sequence[Swept], owners: Ints, measure: Callable[[Array], Array]) -> Array:
-    """Return what a measure of smaller triangles of each triangle, (t, m, 3, 3), comes to on the surfaces.
+def _extrapolated(corners: Array, rows: Ints, rounds: RoundFaces, measure: Callable[[Array], Array]) -> Array:
+    """Return what a measure of smaller triangles of each triangle, (t, m, 3, 3), comes to on the true faces.
 
     Triangles are split, with new corners on the surface, or at the sides of two on both; the measures of ever smaller
     ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
     """
+    surfaces, owners = surfaces_of_triangles(corners, rows, rounds)
     _, same = distinct_rows(corners.reshape(-1, 3))
     ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
     _, side = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
@@ -306,15 +304,15 @@ def _extrapolated(corners: Array, surfaces: Sequence[Swept], owners: Ints, measu
         for k in range(3):  # the side from corner k to the next
             on = np.flatnonzero((shares[:, (k + 2) % 3] == 0) & (shares[:, k] > 0) & (shares[:, (k + 1) % 3] > 0))
             where.append((on, on_sides[:, k]))
-        for rows, pairs in where:
+        for places, pairs in where:
             one, two = pairs.T
-            found = np.flatnonzero(~(flat[one] & flat[two]) if len(rows) else rows)
+            found = np.flatnonzero(~(flat[one] & flat[two]) if len(places) else places)
             if len(found):
-                about, moved = np.where(turned[one], one, two)[found], points[found[:, None], rows]
-                near = _about_axes(moved, corners[found], shares[rows] / n, axes[:, about])
+                about, moved = np.where(turned[one], one, two)[found], points[found[:, None], places]
+                near = _about_axes(moved, corners[found], shares[places] / n, axes[:, about])
                 near = np.where(turned[about, None, None], near, moved).reshape(-1, 3)
-                there = onto_each(near, surfaces, np.repeat(pairs[found], len(rows), axis=0))
-                points[found[:, None], rows] = there.reshape(moved.shape)
+                there = onto_each(near, surfaces, np.repeat(pairs[found], len(places), axis=0))
+                points[found[:, None], places] = there.reshape(moved.shape)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
             [number[i + a, j + b, n - i - j - a - b] for a, b in steps]

@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import round_surfaces, rounding_line
 from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
 from fcdm_opt.geometry.size import direction, direction_level
-from fcdm_opt.geometry.tessellation import surfaces_of_triangles, true_areas
+from fcdm_opt.geometry.tessellation import true_areas
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
@@ -78,8 +78,7 @@ def listed_faces(body: Body) -> tuple[ListedFace, ...]:
     areas: list[float | None] = [None] * len(body.faces)
     if body.triangles or len(body.parts) == 1:
         corners, rows = body.face_triangles
-        each = true_areas(corners, *surfaces_of_triangles(corners, rows, round_surfaces(body)))
-        areas = np.bincount(rows, each, len(areas)).tolist()
+        areas = np.bincount(rows, true_areas(corners, rows, round_surfaces(body)), len(areas)).tolist()
     names = names_of_rows(body)
     return tuple(
         ListedFace(f"F{k + 1}", names[k], direction(normals[k]), direction_level(normals[k], points[k]), areas[k], face)
@@ -103,15 +102,13 @@ def print_faces(body: Body, role: str) -> None:
     listed.sort(key=lambda own: (1, own["name"]) if " radius " in own["name"] else (0, f"{int(own['face'][1:]):9}"))
     for name, own in groupby(listed, key=lambda face: face["name"]):  # facets of a round face after the plane faces
         face, *others = own
+        covered = "" if face["area"] is None else f"{sum(one['area'] for one in (face, *others)):.6g}"
         if others:
-            area = sum(one["area"] or 0.0 for one in (face, *others))
-            covered = f"{area:.6g}" if face["area"] is not None else ""
             axis, plane = round_places.get(tuple(sorted(face["vertices"])), ("", "round its ring"))
             plane = f"{plane}, {len(others) + 1} facets"
             rows.append({"face": face["face"], "name": name, "normal": axis, "plane": plane, "area": covered})
             continue
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
-        covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
     of_facets = body.surfaces is None and any(", " in row["plane"] for row in rows if row["area"])
