@@ -105,30 +105,61 @@ class Part:
         return FRAME.format("\n".join(f"#{k + 1}={line};" for k, line in enumerate(self.lines)))
 
 
-def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bore: float = 0.0) -> str:
+def _seams(axes: np.ndarray, split: bool) -> list[np.ndarray]:
+    """Return the directions, from the third of some axes, at which round faces about it have a seam."""
+    return [axes[:, 0], -axes[:, 0]] if split else [axes[:, 0]]
+
+
+def _rim(part: Part, ends: Sequence[str], centre: Any, axes: np.ndarray, radius: float) -> list[str]:
+    """Add a circle about the third of some axes, an edge from each of its vertices to the next."""
+    x, _, z = axes.T
+    circle = part.circle(centre, z, x, radius)
+    return [part.curve(one, two, circle) for one, two in zip(ends, [*ends[1:], ends[0]], strict=True)]
+
+
+def _swept(
+    part: Part, rims: Sequence[Sequence[str]], seams: Sequence[str], surfaces: Sequence[str], out: bool
+) -> list[str]:
+    """Add the faces between two rims and the seams from the one to the other, which are none at a tip."""
+    faces = []
+    for k, surface in enumerate(surfaces):
+        one, two = ([(own[k], along)] if own else [] for own, along in zip(rims, (True, False), strict=True))
+        loop = [*one, (seams[(k + 1) % len(seams)], True), *two, (seams[k], False)]
+        faces.append(part.face([loop], surface, out))
+    return faces
+
+
+def _around(edges: Sequence[str], along: bool) -> list[tuple[str, bool]]:
+    """Return a loop along the edges of a rim, or against them."""
+    return [(own, along) for own in (edges if along else reversed(edges))]
+
+
+def polyhedron(
+    points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bore: float = 0.0, *, split: bool = False
+) -> str:
     """Return a STEP file of a solid with plane faces, corners counter-clockwise seen from outside.
 
-    With a `bore` of this radius along z, through the origin, from the faces that look along z to those against it.
+    With a `bore` of this radius along z, through the origin, from the faces that look along z to those against it;
+    `split`: in two halves along its axis.
     """
     part = Part()
     corners = [part.corner(x) for x in points]
     edges: dict[tuple[int, int], str] = {}
     shell = []
-    rims: dict[bool, str] = {}
+    rims: dict[bool, list[str]] = {}
     if bore:
-        x, z = np.eye(3)[[0, 2]]
+        frame = np.eye(3)
+        x, z = frame[[0, 2]]
         ends = [level * z for level in (points[:, 2].max(), points[:, 2].min())]
-        places = [end + bore * x for end in ends]
-        top, bottom = (part.corner(place) for place in places)
-        rims = {
-            up: part.curve(corner, corner, part.circle(end, z, x, bore))
-            for up, corner, end in zip((True, False), (top, bottom), ends, strict=True)
-        }
-        seam = part.side(top, bottom, *places)
-        surface = part.add(f"CYLINDRICAL_SURFACE('',{part.axes(ends[0], z, x)},{float(bore)!r})")
-        shell.append(
-            part.face([[(rims[True], True), (seam, True), (rims[False], False), (seam, False)]], surface, False)
-        )
+        places = [[end + bore * side for side in _seams(frame, split)] for end in ends]
+        vertices = [[part.corner(place) for place in own] for own in places]
+        found = [_rim(part, own, end, frame, bore) for own, end in zip(vertices, ends, strict=True)]
+        rims = dict(zip((True, False), found, strict=True))
+        both = zip(*vertices, *places, strict=True)
+        seams = [part.side(top, bottom, *own) for top, bottom, *own in both]
+        frames = [part.axes(end, along, x) for end, along in zip(ends, (z, -z), strict=True)][: len(seams)]
+        surfaces = [part.add(f"CYLINDRICAL_SURFACE('',{own},{float(bore)!r})") for own in frames]
+        shell += _swept(part, found, seams, surfaces, False)
     for face in faces:
         sides = []
         for a, b in zip(face, [*face[1:], face[0]], strict=True):
@@ -140,51 +171,54 @@ def polyhedron(points: np.ndarray, faces: Sequence[Sequence[int]], unit: str, bo
         normal /= np.linalg.norm(normal)
         axes = part.axes(points[face[0]], normal, outline[1] / np.linalg.norm(outline[1]))
         up = bool(normal[2] > 0)
-        holes = [[(rims[up], not up)]] if rims and abs(normal[2]) == 1 else []
+        holes = [_around(rims[up], not up)] if rims and abs(normal[2]) == 1 else []
         shell.append(part.face([sides, *holes], part.add(f"PLANE('',{axes})")))
     return part.text(shell, unit)
 
 
-def revolved(profile: Sequence[Sequence[float]], axes: np.ndarray, unit: str = "mm") -> str:
+def revolved(profile: Sequence[Sequence[float]], axes: np.ndarray, unit: str = "mm", *, split: bool = False) -> str:
     """Return a STEP file of what a closed profile sweeps about the third of the axes, its columns.
 
     Each row is a corner's radius and height, counter-clockwise, and where an arc leads to the next one those of its
     centre: straight sides sweep planes, cylinders and cones, arcs about a point of the axis spheres, others tori.
+    `split`: round faces in two halves, as many CAD systems write them, each with a frame of its own.
     """
-    part, (x, y, z) = Part(), axes.T
-    places = [r * x + h * z for r, h, *_ in profile]
-    corners = [part.corner(place) for place in places]
-    rims = [
-        [part.curve(corner, corner, part.circle(h * z, z, x, r))] * (r > 0)
-        for corner, (r, h, *_) in zip(corners, profile, strict=True)
-    ]
+    part, (x, y, z), seamed = Part(), axes.T, _seams(axes, split)
+    places = [[r * side + h * z for side in (seamed if r > 0 else seamed[:1])] for r, h, *_ in profile]
+    corners = [[part.corner(place) for place in own] for own in places]
+    rims = [_rim(part, own, h * z, axes, r) if r > 0 else [] for own, (r, h, *_) in zip(corners, profile, strict=True)]
     shell = []
     for j, (r, h, *centre) in enumerate(profile):
         k = (j + 1) % len(profile)
         s, g, *_ = profile[k]
         if r == s == 0 and not centre:
             continue  # the axis
-        one, two = ([(rim, way) for rim in rims[end]] for end, way in ((j, True), (k, False)))
         if h == g and not centre:
             surface = part.add(f"PLANE('',{part.axes(h * z, z if s < r else -z, x)})")
-            shell.append(part.face([own for own in ((one, two) if s < r else (two, one)) if own], surface))
+            loops = [_around(rims[j], True), _around(rims[k], False)]
+            shell.append(part.face([own for own in loops[:: 1 if s < r else -1] if own], surface))
             continue
-        out = g > h
-        if centre:
-            c, d = centre
-            out = (r - c) * (g - d) > (h - d) * (s - c)
-            radius = float(np.hypot(r - c, h - d))
-            seam = part.curve(corners[j], corners[k], part.circle(c * x + d * z, -y, x, radius), out)
-            kind, sizes = ("TOROIDAL", f"{float(c)!r},{radius!r}") if c else ("SPHERICAL", f"{radius!r}")
-            frame = part.axes(d * z, z, x)
-        else:
-            seam = part.side(corners[j], corners[k], places[j], places[k])
-            wider = (s - r) * (g - h) > 0
-            angle = float(np.arctan2(abs(s - r), abs(g - h)))
-            kind, sizes = ("CYLINDRICAL", f"{float(r)!r}") if r == s else ("CONICAL", f"{float(r)!r},{angle!r}")
-            frame = part.axes(h * z, z if wider or r == s else -z, x)
-        surface = part.add(f"{kind}_SURFACE('',{frame},{sizes})")
-        shell.append(part.face([[*one, (seam, True), *two, (seam, False)]], surface, bool(out)))
+        out, seams, surfaces = g > h, list[str](), list[str]()
+        for number, side in enumerate(seamed):
+            one, two = (own[number % len(own)] for own in (corners[j], corners[k]))
+            if centre:
+                c, d = centre
+                out = (r - c) * (g - d) > (h - d) * (s - c)
+                radius, turned = float(np.hypot(r - c, h - d)), -y if number == 0 else y
+                seams.append(part.curve(one, two, part.circle(c * side + d * z, turned, side, radius), out))
+                kind, sizes = ("TOROIDAL", f"{float(c)!r},{radius!r}") if c else ("SPHERICAL", f"{radius!r}")
+                frame = part.axes(d * z, z if number == 0 else -z, x)
+            else:
+                seams.append(part.side(one, two, *(places[end][number % len(places[end])] for end in (j, k))))
+                wider = (s - r) * (g - h) > 0
+                angle = float(np.arctan2(abs(s - r), abs(g - h)))
+                kind, own, level = "CONICAL", *((s, g) if number and s else (r, h))
+                sizes, along = f"{float(own)!r},{angle!r}", z if wider else -z
+                if r == s:
+                    kind, sizes, along = "CYLINDRICAL", f"{float(r)!r}", z if number == 0 else -z
+                frame = part.axes(level * z, along, x)
+            surfaces.append(part.add(f"{kind}_SURFACE('',{frame},{sizes})"))
+        shell += _swept(part, (rims[j], rims[k]), seams, surfaces, bool(out))
     return part.text(shell, unit)
 
 

@@ -41,7 +41,7 @@ from fcdm_opt.geometry.packing import packed, packed_together
 from fcdm_opt.geometry.polygons import fans, normals_of
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
-from fcdm_opt.geometry.tessellation import RoundFaces, centroid_within, errors_of_faces
+from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces, true_centroid
 from fcdm_opt.geometry.units import NANOMETRES, Unit, UnitOrNone, measured
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.moved_files import write
@@ -455,7 +455,7 @@ class Body(_Sealed, NotebookRepr):
         try:
             mesh, origin = checked_mesh(read.vertices, read.faces, name=own_name), seed
             if read.surfaces is not None and isinstance(seed, str) and seed == "centroid":
-                middle = centroid_within(mesh.vertices[mesh.triangles], mesh.triangle_faces, read.surfaces)
+                middle = true_centroid(mesh.vertices[mesh.triangles], mesh.triangle_faces, read.surfaces)
                 origin = seed if middle is None else middle
             body = cls._of_mesh(mesh, decomposition, origin)
         except InputError as reason:

@@ -420,10 +420,11 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
         moved = onto_planes(moved, corner[near], normals[near], -misses[near])
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
-    left, bound = [surface.left_by(moved[own]) for surface, own in known if not surface.flat], 0.0
+    curved = [surface.left_by(moved[own]) for surface, own in known if not surface.flat]
+    left, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
     if len(known) < len(faces):
         bound = DEFAULT.tessellation * float(np.ptp(vertices, axis=0).max()) if deviation is None else deviation
-        left.append((bound, bound))
+        left.append(np.full(2, bound))
     out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
     return moved[same], (out, short), [surface for surface, _ in known], bound
 

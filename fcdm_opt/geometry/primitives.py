@@ -20,7 +20,7 @@ from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh, solids
-from fcdm_opt.geometry.tessellation import Surfaces, Swept, centroid_within, errors_of_faces
+from fcdm_opt.geometry.tessellation import Surfaces, Swept, errors_of_faces, true_centroid
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.tolerances import DEFAULT
 
@@ -311,7 +311,7 @@ def _combined(
     points, surfaces = _onto_surfaces(points, triangles, (body, *others))
     mesh = checked_mesh(points, triangles, name=body.name if name is None else name)
     within = DEFAULT.cut * float(norms(np.ptp(points, axis=0)))
-    middle = centroid_within(mesh.vertices[mesh.triangles], mesh.triangle_faces, Surfaces(tuple(surfaces), 0.0, within))
+    middle = true_centroid(mesh.vertices[mesh.triangles], mesh.triangle_faces, Surfaces(tuple(surfaces), 0.0, within))
     seed: Seed = "centroid" if middle is None else middle
     made = _with_surfaces(Body.from_mesh(points, triangles, name=mesh.name, seed=seed, unit=body.unit), surfaces)
     count = len(solids(points, [*map(tuple, triangles.tolist())]))

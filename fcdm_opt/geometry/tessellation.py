@@ -7,13 +7,14 @@ a point is from the axis, and along it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units, volume_and_centroid
+from fcdm_opt.geometry.polygons import components
 from fcdm_opt.tolerances import DEFAULT
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
@@ -129,16 +130,11 @@ class Swept(NamedTuple):
         origin = scale * (turn @ self.origin + shift)
         return self._replace(origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius)
 
-    def left_by(self, corners: Array) -> tuple[float, float]:
+    def left_by(self, corners: Array) -> Array:
         """Return how far triangles (m, 3, 3), wound outwards, stick out of a solid of that face, and fall short of it.
 
-        The most of any of them, see `left_by_each`.
+        The most of each of them, (m, 2).
         """
-        out, short = self.left_by_each(corners).max(axis=0, initial=0.0).tolist()
-        return out, short
-
-    def left_by_each(self, corners: Array) -> Array:
-        """Return the same of each triangle, (m, 2)."""
         # exact for cylinders, cones and spheres: the distance is convex along a triangle, so that it is largest at a
         # corner, and smallest on a side (a straight line of the surface that is parallel to the triangle crosses its
         # sides), of a sphere at the point nearest to the centre. Tori are looked at in a grid of points: half the bend
@@ -177,7 +173,7 @@ class Swept(NamedTuple):
         # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
         # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
         # what is left where the rim is cut off at more than 27 degrees
-        left = self.left_by_each(corners)
+        left = self.left_by(corners)
         if self.line is None:
             return left
         one, two, three = corners.transpose(1, 0, 2)
@@ -211,23 +207,47 @@ def errors_of_faces(corners: Array, owners: Ints, count: int, surfaces: Surfaces
     normals /= np.maximum(norms(normals), _TINY)[:, None]
     errors, known = np.zeros((len(corners), 2)), np.zeros(len(corners), bool)
     nearest, chosen, rounds = np.full(count, np.inf), np.full(count, -1), list[Swept]()
+    alike, several = dict[bytes, list[tuple[Array, int]]](), set[int]()
+    slack = DEFAULT.touch * float(np.ptp(corners, axis=(0, 1)).max())
     for surface in sorted(surfaces.known, key=lambda own: not own.flat):
-        off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, 3).max(axis=1)
-        (on,) = np.nonzero((off <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
-        on = on[np.abs((surface.misses(corners[on].mean(axis=1))[1] * normals[on]).sum(axis=1)) > ALONG]
+        misses = surface.misses(corners.reshape(-1, 3))[0].reshape(-1, 3)
+        (on,) = np.nonzero((np.abs(misses).max(axis=1) <= surfaces.within) & ~(known & (errors == 0.0).all(axis=1)))
+        off, turn = surface.misses(corners[on].mean(axis=1))
+        turn = (turn * normals[on]).sum(axis=1)
+        on, off, turn = (own[np.abs(turn) > ALONG] for own in (on, off, turn))
         known[on] = True
-        if not surface.flat:
-            errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
-            off, turn = surface.misses(corners[on].mean(axis=1))
-            off = np.abs(off) + (1.0 - np.abs((turn * normals[on]).sum(axis=1)))  # of two that its corners are on
-            better = off < nearest[owners[on]]
-            nearest[owners[on][better]], chosen[owners[on][better]] = off[better], len(rounds)
-            rounds.append(surface)
+        if surface.flat:
+            continue
+        known_ones = alike.setdefault(on.tobytes(), [])
+        same = {k for other, k in known_ones if np.abs(misses[on] - other).max(initial=0.0) <= slack}
+        several |= same
+        if same:
+            continue  # another piece of one round face, as of a bore that is drawn in two halves
+        known_ones.append((misses[on], len(rounds)))
+        errors[on] = np.maximum(errors[on], np.maximum(surface.offsets(corners[on]), _TINY))
+        off = np.abs(off) + (1.0 - np.abs(turn))  # of two that its corners are on
+        better = off < nearest[owners[on]]
+        faces = owners[on][better]
+        nearest[faces], chosen[faces] = off[better], 2 * len(rounds) + (turn[better] < 0.0)  # a bore is no cylinder
+        rounds.append(surface)
     errors[~known] = surfaces.other
     found = np.zeros((count, 2))
     np.maximum.at(found, owners, errors)
-    own = tuple((each, tuple(np.flatnonzero(chosen == k).tolist())) for k, each in enumerate(rounds))
-    return np.where(found > surfaces.within, found, 0.0), tuple(each for each in own if each[1])
+    sides = ((each, 2 * k + side) for k, each in enumerate(rounds) for side in range(2))
+    piece = _pieces(corners, owners, chosen) if several else chosen
+    own = list[tuple[Swept, tuple[int, ...]]]()
+    for each, k in sides:
+        faces = np.flatnonzero(chosen == k)
+        of = piece[faces] if k // 2 in several else np.zeros(len(faces), np.int64)
+        own += [(each, tuple(faces[of == number].tolist())) for number in np.unique(of)]
+    return np.where(found > surfaces.within, found, 0.0), tuple(own)
+
+
+def _pieces(corners: Array, owners: Ints, chosen: Ints) -> Ints:
+    """Return the number of the piece of a surface that each face is of: journals on both sides of a collar are two."""
+    same, face = distinct_rows(corners.reshape(-1, 3))[1], np.repeat(owners, 3)
+    places, at = distinct_rows(np.column_stack([same, chosen[face]]))
+    return components(np.column_stack([face[places][at], face]), len(chosen))
 
 
 def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tuple[list[Swept], Ints]:
@@ -245,20 +265,42 @@ def surfaces_of_triangles(corners: Array, rows: Ints, rounds: RoundFaces) -> tup
     return surfaces, owners
 
 
-def centroid_within(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | None:
-    """Return the centroid of the true solid, (3,); None where no face is round. See `errors_of_faces`."""
-    rounds = errors_of_faces(corners, rows, int(rows.max()) + 1, surfaces)[1]
-    return true_centroid(corners, *surfaces_of_triangles(corners, rows, rounds)) if rounds else None
+def true_centroid(corners: Array, rows: Ints, surfaces: Surfaces) -> Array | None:
+    """Return the centroid of the solid that triangles of a closed surface stand for, (3,); None where none is round.
 
-
-def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Array:
-    """Return the centroid of the solid that is bounded by the surfaces that triangles stand for, (3,).
-
-    Triangles are split, with new corners on the surface, or at the sides of two on both; volumes and moments of ever
-    smaller ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
-
-    `corners` (t, 3, 3): of a closed surface, on the surfaces. `owners` (t,): the surface of each triangle.
+    `corners` (t, 3, 3), `rows` (t,): the face that each is of. See `errors_of_faces`.
     """
+
+    def moments(small: Array) -> Array:
+        volume, middle, _ = volume_and_centroid(small.reshape(-1, 3, 3))
+        return volume * np.append(middle, 1.0)
+
+    rounds = errors_of_faces(corners, rows, int(rows.max()) + 1, surfaces)[1]
+    if not rounds:
+        return None
+    moment, drawn = _extrapolated(corners, rows, rounds, moments), volume_and_centroid(corners)[1]
+    found = moment[:3] / moment[3]
+    return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+
+
+def true_areas(corners: Array, rows: Ints, rounds: RoundFaces) -> Array:
+    """Return the area of what each triangle of a closed surface stands for, (t,); see `surfaces_of_triangles`."""
+    normals = unit_normals(corners)[:, None]
+
+    def areas(small: Array) -> Array:
+        doubled = cross(small[:, :, 1] - small[:, :, 0], small[:, :, 2] - small[:, :, 0])
+        return np.copysign(norms(doubled), (doubled * normals).sum(axis=2)).sum(axis=1) / 2.0
+
+    return _extrapolated(corners, rows, rounds, areas)
+
+
+def _extrapolated(corners: Array, rows: Ints, rounds: RoundFaces, measure: Callable[[Array], Array]) -> Array:
+    """Return what a measure of smaller triangles of each triangle, (t, m, 3, 3), comes to on the true faces.
+
+    Triangles are split, with new corners on the surface, or at the sides of two on both; the measures of ever smaller
+    ones are extrapolated in the square of their size (Romberg, Vereinfachte numerische Integration, 1955).
+    """
+    surfaces, owners = surfaces_of_triangles(corners, rows, rounds)
     _, same = distinct_rows(corners.reshape(-1, 3))
     ends = np.sort(np.stack([same.reshape(-1, 3), np.roll(same.reshape(-1, 3), -1, axis=1)], axis=2), axis=2)
     _, side = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
@@ -268,6 +310,8 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
         end.at(own, side, owners[:, None])
     on_sides = np.stack([least, most], axis=1)[side]  # the surfaces on both sides of each
     table, flat = list[Array](), np.array([own.flat for own in surfaces])
+    axes = np.array([[own.origin for own in surfaces], [own.axis for own in surfaces]])
+    turned = np.array([not own.flat and (own.line is not None or own.ring > 0.0) for own in surfaces])  # no balls
     for n in SPLITS:
         shares = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)])
         points = np.einsum("pc,tcx->tpx", shares / n, corners)
@@ -276,15 +320,15 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
         for k in range(3):  # the side from corner k to the next
             on = np.flatnonzero((shares[:, (k + 2) % 3] == 0) & (shares[:, k] > 0) & (shares[:, (k + 1) % 3] > 0))
             where.append((on, on_sides[:, k]))
-        for rows, pairs in where:
+        for places, pairs in where:
             one, two = pairs.T
-            within, between = (one == two) & ~flat[one], (one != two) & ~(flat[one] & flat[two])
-            for moved, of in ((within, pairs[:, :1]), (between, pairs)):
-                found = np.flatnonzero(moved)[:, None]
-                if moved.any() and len(rows):
-                    onto_them = np.repeat(of[moved], len(rows), axis=0)
-                    there = onto_each(points[found, rows].reshape(-1, 3), surfaces, onto_them)
-                    points[found, rows] = there.reshape(-1, len(rows), 3)
+            found = np.flatnonzero(~(flat[one] & flat[two]) if len(places) else places)
+            if len(found):
+                about, moved = np.where(turned[one], one, two)[found], points[found[:, None], places]
+                near = _about_axes(moved, corners[found], shares[places] / n, axes[:, about])
+                near = np.where(turned[about, None, None], near, moved).reshape(-1, 3)
+                there = onto_each(near, surfaces, np.repeat(pairs[found], len(places), axis=0))
+                points[found[:, None], places] = there.reshape(moved.shape)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
             [number[i + a, j + b, n - i - j - a - b] for a, b in steps]
@@ -292,14 +336,25 @@ def true_centroid(corners: Array, surfaces: Sequence[Swept], owners: Ints) -> Ar
             for i, j in np.ndindex(n, n)
             if i + j + max(a + b for a, b in steps) <= n
         ]
-        volume, middle, _ = volume_and_centroid(points[:, small].reshape(-1, 3, 3))
-        table.append(volume * np.append(middle, 1.0))
+        table.append(measure(points[:, small]))
         weight = 1.0
         for k in range(len(table) - 2, -1, -1):
             weight *= 4.0
             table[k] = table[k + 1] + (table[k + 1] - table[k]) / (weight - 1.0)
-    drawn, found = volume_and_centroid(corners)[1], table[0][:3] / table[0][3]
-    return np.where(np.abs(found - drawn) > DEFAULT.nominal * np.abs(corners - drawn).max(), found, drawn)
+    return table[0]
+
+
+def _about_axes(points: Array, corners: Array, shares: Array, axes: Array) -> Array:
+    """Return points of triangles, (m, p, 3), as far from axes as lies between their corners, (m, 3, 3).
+
+    So points between two on a rim are on it, also where two faces are tangent there. `shares` (p, 3) of the corners;
+    `axes` (2, m, 3): a point of each, and its direction.
+    """
+    origin, axis = axes[:, :, None]
+    own, ends = (x - origin - ((x - origin) * axis).sum(axis=2, keepdims=True) * axis for x in (points, corners))
+    far = norms(own)
+    grown = norms(ends) @ shares.T / np.maximum(far, _TINY)
+    return points + np.where(far > 0.0, grown - 1.0, 0.0)[:, :, None] * own
 
 
 def on_rings(points: Array, surfaces: Sequence[tuple[Swept, Ints]], slack: float) -> Array:

@@ -34,10 +34,11 @@ class Reason(IntEnum):
     LOOSE: a vertex reaches beyond the plane of a tracked feature. Row: feature, body (1, 2), vertex in its part.
     LEFT: a direction keeps the tracked part pair apart at the tracked scales. Row: the direction.
     APART: every part pair of body 1 and body 2 is apart at the target scales. Rows: a direction for each, part by part.
-    MEETS: two parts overlap. Row: part of body 1, obstacle, body (1, 2) and number of an edge that stays inside the
-    other part at a point, the point's place along it at the cell's centre, and slopes of that in the cell's variables
-    s and box coordinates, each scaled to [-1, 1]. Or with 3 for the body, then 0 and a point that moves with body 1,
-    in its axes at the target scale about its moved seed.
+    MEETS: two parts overlap. Row: part of body 1, obstacle, body (1, 2), the vertex of its part at which an edge begins
+    that stays inside the other part at a point, the point's place along it at the cell's centre, and slopes of that in
+    the cell's variables s and box coordinates, each scaled to [-1, 1]; last, 1 more than the vertex at which it ends:
+    0 where it is named by its number in the hull, as earlier versions did. Or with 3 for the body, then 0 and a point
+    that moves with body 1, in its axes at the target scale about its moved seed.
     OUTSIDE: a parameter is beyond a limit. Row: the parameter.
     NEAR: a point of body 1 stays nearer to a point of an obstacle than the clearance asked for. Row: part of body 1,
     obstacle, the one point about the moved seed in the axes of body 1 at the target scale, the other about s_2.

@@ -507,9 +507,9 @@ def _stays(excess, rates, place, margin):
 def meets(T, one, two, margin, witness):
     """Tell whether two polyhedra overlap over a whole cell: a point on an edge of one stays inside the other."""
     # the point moves along its edge linearly in the cell's variables, as the edge's part inside does at the centre.
-    # `witness`, from place 2: the body whose edge it is, the edge, its place along it at the centre, slopes of that. Or
-    # a point between what is inside of the edges moves with body 1, 3 in place of the body, and stays inside the other:
-    # aligned boxes overlap so, as all that their edges share lies on faces
+    # `witness`, from place 2: the body whose edge it is, where that begins, its place along it at the centre, slopes of
+    # that; last, where it ends. Or a point between what is inside of the edges moves with body 1, 3 in place of the
+    # body, and stays inside the other: aligned boxes overlap so, as all that their edges share lies on faces
     m, R, d, solids = T.shape[1], T[:9, 0], T[9:12, 0], (one, two)
     best, best_body, best_edge, best_place, best_end = margin, 0, -1, 0.0, 0
     p, u, x, count = np.empty(3), np.empty(3), np.zeros(3), 0
@@ -544,7 +544,7 @@ def meets(T, one, two, margin, witness):
         if best_end == 2:
             _moving(excess, rates, place)
         if _stays(excess, rates, place, margin):
-            witness[2], witness[3] = best_body + 1, best_edge
+            witness[2], witness[3], witness[-1] = best_body + 1, edges[best_edge, 0], edges[best_edge, 1] + 1
             for k in range(m - 1):
                 witness[4 + k] = place[k]
             return True

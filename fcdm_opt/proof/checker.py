@@ -512,8 +512,8 @@ class Examiner:
             obstacle = self.obstacles[j]
             sides = (self.problem.active[0].parts[i], self.movable[i]), (obstacle.part, obstacle.vertices)
             (edged, points), (part, corners) = sides[body], sides[1 - body]
-            edge, known = _index(witness[here, 3], len(edged.edges))
-            start, end = points[edged.edges[edge, 0]], points[edged.edges[edge, 1]]
+            (origin, last), known = _ends_of_edges(witness[here], edged)
+            start, end = points[origin], points[last]
             along = end - start
             own = poses[here]
             place, beyond = self._place(own, witness[here])
@@ -605,6 +605,14 @@ def _norm(v: Interval) -> Any:
     """Return an upper bound of the lengths of vectors."""
     size = v.size
     return np.sqrt((size * size).sum(axis=-1)) * (1.0 + FLOATS)
+
+
+def _ends_of_edges(witness: Array, part: ConvexPart) -> tuple[Ints, Flags]:
+    """Return the vertices that edges of a part run between, by the rows that name them, (2, n), and which there are."""
+    ends, known = _index(np.stack([witness[:, 3], witness[:, -1] - 1.0]), len(part.vertices))
+    edge, numbered = _index(witness[:, 3], len(part.edges))
+    by_number = witness[:, -1] == 0.0
+    return np.where(by_number, part.edges[edge, :2].T, ends), np.where(by_number, numbered, known.all(axis=0))
 
 
 def _index(values: Array, count: int) -> tuple[Ints, Flags]:

@@ -17,10 +17,10 @@ from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, told_solids
-from fcdm_opt.geometry.facet_errors import rounding_line
+from fcdm_opt.geometry.facet_errors import round_surfaces, rounding_line
 from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
-from fcdm_opt.geometry.polygons import area
 from fcdm_opt.geometry.size import direction, direction_level
+from fcdm_opt.geometry.tessellation import true_areas
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show import BLACK, BLUE, DARK, GREY, NOTE, PAGE, VERMILLION, Figure, styled
@@ -57,7 +57,8 @@ HEIGHTS, HEAD, FOOT, SIDE, NAME = (1.6, 3.4), 0.3, 0.3, 0.3, 24
 class ListedFace(NamedTuple):
     """A face of a body: label, name, outward normal and plane in words, area, numbers of its corners.
 
-    The area, length units squared, is None where only the parts are known, whose cuts may go on in a face's plane.
+    The area, length units squared, is that of what a facet stands for, and None where only the parts are known, whose
+    cuts may go on in a face's plane.
     """
 
     face: str
@@ -74,12 +75,10 @@ FacesByRole = Mapping[str, tuple[ListedFace, ...]]
 def listed_faces(body: Body) -> tuple[ListedFace, ...]:
     """Return the faces of a body."""
     normals, points = body.face_planes
-    pieces: Any = body.triangles or ([(loop,) for loop in body.parts[0].loops] if len(body.parts) == 1 else ())
-    corners = body.vertices if body.triangles else body.parts[0].vertices
-    known: Any = [sum(area(corners[list(piece)]) for piece in own) for own in pieces]
-    areas = known or [None] * len(body.faces)
-    if not body.triangles and len(body.parts) == 1:  # facets in the order of faces
-        areas = [areas[[own[0] for own in body.facet_faces[0]].index(k)] for k in range(len(body.faces))]
+    areas: list[float | None] = [None] * len(body.faces)
+    if body.triangles or len(body.parts) == 1:
+        corners, rows = body.face_triangles
+        areas = np.bincount(rows, true_areas(corners, rows, round_surfaces(body)), len(areas)).tolist()
     names = names_of_rows(body)
     return tuple(
         ListedFace(f"F{k + 1}", names[k], direction(normals[k]), direction_level(normals[k], points[k]), areas[k], face)
@@ -103,18 +102,17 @@ def print_faces(body: Body, role: str) -> None:
     listed.sort(key=lambda own: (1, own["name"]) if " radius " in own["name"] else (0, f"{int(own['face'][1:]):9}"))
     for name, own in groupby(listed, key=lambda face: face["name"]):  # facets of a round face after the plane faces
         face, *others = own
+        covered = "" if face["area"] is None else f"{sum(one['area'] for one in (face, *others)):.6g}"
         if others:
-            area = sum(one["area"] or 0.0 for one in (face, *others))
-            covered = f"{area:.6g}" if face["area"] is not None else ""
             axis, plane = round_places.get(tuple(sorted(face["vertices"])), ("", "round its ring"))
             plane = f"{plane}, {len(others) + 1} facets"
             rows.append({"face": face["face"], "name": name, "normal": axis, "plane": plane, "area": covered})
             continue
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
-        covered = "" if face["area"] is None else f"{face['area']:.6g}"
         told = "" if name.startswith("face ") else name
         rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
-    notes = ["area of a round face: that of its facets"] * any(", " in row["plane"] for row in rows if row["area"])
+    of_facets = body.surfaces is None and any(", " in row["plane"] for row in rows if row["area"])
+    notes = ["area of a round face: that of its facets"] * of_facets
     print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",), notes=notes)
     if len(rows) > MOST_LISTED:
         print_text(f"... and {len(rows) - MOST_LISTED} more: --json lists all")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,10 +16,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from solids import polygon, prism
 from strategies import generators, random_pair, random_union, runs
 
 import fcdm_opt as fo
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
+from fcdm_opt.drafting.draft import toml
 from fcdm_opt.model.task import Task
 from fcdm_opt.problem.evidence import Evidence, Reason
 from fcdm_opt.proof import conditions
@@ -286,6 +291,98 @@ def test_what_is_no_proof_of_this_problem_is_refused(known):
     assert failed(problem.changed(amount="displacement"), proof.evidence, 0.0) == {"proof well-formed"}
     for rows in ({"faces": (0, 4)}, {"boxes": (0, 2.0)}, {"stretches": (0, np.nan)}, {"first": (1, 7)}):
         assert failed(problem, changed(proof.evidence, **rows), 0.0) == {"proof well-formed"}
+
+
+# --------------------------------------------------------------------------------------------------- proofs read again
+
+
+def turned_and_shifted(degrees: float, axis: tuple[float, float, float], shift: tuple[float, float, float]) -> Any:
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+    T[:3, 3] = shift
+    return T
+
+
+def key_in_socket(degrees: float, shift: tuple[float, float, float]) -> fo.Problem:
+    """A hexagonal key of 4.9 across corners, turned and shifted in a socket of 5: it is to get clear of its walls."""
+    inner, outer = polygon(6, 5.0), polygon(6, 8.0)
+    walls = [prism(np.array([*inner[[k - 1, k]], *outer[[k, k - 1]]]), 0.0, 4.0) for k in range(6)]
+    socket = fo.Body.from_parts(walls, seed=(0.0, 0.0, 2.0), name="socket")
+    key = fo.Body.convex(prism(polygon(6, 4.9), 1.0, 6.0), name="key")
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Rotation("z")
+    moved = key.moved(turned_and_shifted(degrees, (0.0, 0.0, 1.0), shift))
+    return fo.Problem(moved, socket, target=(1.0, 1.0), goal="clear", motion=motion, length=10.0)
+
+
+def moved_together(problem: fo.Problem, T: Any, **arguments: Any) -> fo.Problem:
+    return fo.Problem(problem.movable.moved(T), problem.static.moved(T), **arguments)
+
+
+ODD = turned_and_shifted(37.3, (1.0, -2.0, 0.7), (0.13, -0.29, 0.71))
+TURNED = {
+    "key at 3": lambda: key_in_socket(3.0, (0.05, 0.02, 0.5)),
+    "key at 2.5": lambda: key_in_socket(2.5, (0.1, 0.0, 0.0)),
+    "key shifted": lambda: key_in_socket(0.0, (0.3, 0.1, 0.0)),
+    "touch": lambda: moved_together(
+        paper_case("example1", 2), ODD, target=(0.8, 0.85), goal="touch", motion=fo.Translation("z") >> fo.Rotation("x")
+    ),
+    "clear": lambda: moved_together(
+        paper_case("example2", 0), ODD, target=(2.4, 2.1), goal="clear", motion=fo.Translation("y") >> fo.Rotation("z")
+    ),
+    "beyond": lambda: moved_together(
+        paper_case("example1", 2), ODD, nominal=3, tolerance=0.02, requirement="C",
+        motion=fo.Translation("z") >> fo.Rotation("z"),
+    ),
+    "seat": lambda: moved_together(
+        next(own for own in fo.load_problems(PROBLEMS / "lid.toml") if own.name.startswith("A flush")),
+        ODD, target=(1.01, 1.01), goal="seat", motion=fo.Translation("z") >> fo.Rotation("x"),
+    ),
+}  # fmt: skip
+
+
+@cache
+def certified(case: str) -> fo.Solution:
+    solution = fo.solve(TURNED[case](), certify=True)
+    assert solution.evidence is not None
+    return solution
+
+
+def in_tables(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{toml(key)} = {in_tables(own)}" for key, own in value.items()) + " }"
+    return f"[{', '.join(map(in_tables, value))}]" if isinstance(value, list) else toml(value)
+
+
+def written_to_a_file(problem: fo.Problem, path: Path) -> fo.Problem:
+    path.write_text("\n".join(f"{key} = {in_tables(value)}" for key, value in problem.to_dict().items()))
+    return fo.load_problems(path)[0]
+
+
+@pytest.mark.parametrize("case", TURNED)
+def test_a_proof_of_moved_bodies_holds_when_it_is_read(case, tmp_path):
+    """Their hulls are made anew then, and number their edges and faces in another order."""
+    solution = certified(case)
+    read = fo.Solution.from_dict(json.loads(json.dumps(solution.to_dict())))
+    of_file = replace(read, problem=written_to_a_file(solution.problem, tmp_path / "problem.toml"))
+    for own in (solution, read, of_file):
+        assert fo.verify(own, proof=True).failed == ()
+
+
+def test_proofs_that_name_edges_by_number_are_read():
+    """Versions before named the edge that stays inside a part by its number in the hull, and left the rest 0."""
+    solution = certified("key at 3")
+    own, problem = solution.evidence, solution.problem
+    witnesses, parts = np.array(own.witnesses), (problem.active[0].parts, problem.active[1].parts)
+    rows = own.first[:-1][own.reasons == Reason.MEETS]
+    rows = rows[witnesses[rows, 2] < 3]
+    assert len(rows) > 100
+    for i, j, body, origin, end, row in np.column_stack([witnesses[rows][:, [0, 1, 2, 3, -1]], rows]).astype(int):
+        ends = parts[body - 1][(i, j)[body - 1]].edges[:, :2].tolist()
+        witnesses[row, 3], witnesses[row, -1] = ends.index([origin, end - 1]), 0.0
+    assert failed(problem, replace(own, witnesses=witnesses), solution.lower_bound) == set()
+    for column, value in ((3, 1.0), (3, 1000.0), (3, 0.5), (-1, 1.0), (-1, 1000.0)):
+        forged = changed(own, witnesses=((rows, column), own.witnesses[rows, column] + value))
+        assert failed(problem, forged, solution.lower_bound) == {"MEETS"}
 
 
 # ------------------------------------------------------------------------------------------------------------ bounds
