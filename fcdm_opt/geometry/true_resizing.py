@@ -25,7 +25,6 @@ from fcdm_opt.geometry.surface import Surface, rims
 from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
-
 Cut = Callable[[Body, Array], Body | None]
 """Returns a solid with its corners elsewhere, (n, 3), cut into the same parts; None where it is not to be."""
 
