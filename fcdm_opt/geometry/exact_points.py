@@ -119,7 +119,7 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
 
 
 def _on_planes(body: Body, inner: Body, point: Array, near: float) -> bool:
-    """Tell whether a point is of plane faces alone, and a body within has it: it may end before they go on in a bore."""
+    """Tell whether a point is of plane faces alone, and on a body within: that may end before a bore does."""
     faces = true_faces(body)
     return not faces.is_round[faces.at(point)].any() and any(
         ((part.normals @ point) - part.levels).max() <= near for part in inner.parts

@@ -6,12 +6,15 @@ both sides it is min(R, w) - r; pushed to a wall, w - r, and down into the bore,
 
 from __future__ import annotations
 
+import dataclasses
 from itertools import product
 
 import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.true_distance import FacePieces
 
 J, B = (-0.04, -0.01), (0.0, 0.03)  # diameters of journal and bore
 
@@ -75,6 +78,29 @@ def test_where_a_bore_and_its_walls_cross_once_it_is_larger(saddle: fo.Problem) 
     made = saddle.changed(made={"b": 0.03}).static
     own = made.vertices[np.abs(np.abs(made.vertices[:, 0]) - 12.05) < 1e-9]
     assert np.abs(own[:, 1] + np.sqrt(12.065**2 - 12.05**2)).min() < 1e-9  # they go on down to there
+
+
+def test_a_bore_that_may_be_smaller_than_its_walls_and_larger_has_rows_of_its_own(saddle: fo.Problem) -> None:
+    journal, bore = saddle.sizes
+    stack = fo.stack_up(saddle.changed(sizes=[journal, dataclasses.replace(bore, tolerance=(-0.02, 0.03))]))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.045, 0.07), abs=1e-10)
+    slopes = {tuple(np.round(row, 9)) for pair in stack.touching.pairs for row in pair.values[:, 1:]}
+    assert slopes == {(-0.5, 0.0), (-0.5, 0.5)}
+    assert fo.verify(stack).passed
+
+
+@pytest.mark.parametrize("channel", [0.1, 0.01])
+def test_walls_further_apart_than_the_bore_have_the_bounds_of_true_faces(saddle: fo.Problem, channel: float) -> None:
+    walls = [{"through": (x, 5, 0)} for x in (12.05, -12.05)]
+    sizes = [*saddle.sizes, fo.Size("c", "static", faces=walls, each=[-0.5, -0.5], tolerance=(0, 0.1))]
+    made = saddle.changed(sizes=sizes, made={"j": -0.04, "b": 0.03, "c": channel})
+    found = fo.solve(made)
+    amount = 0.07 + min(channel, 0.03) / 2
+    assert (found.amount, found.lower_bound) == pytest.approx((amount, amount), abs=1e-9)
+    assert not found.left_by_mesh
+    # where bore and walls no longer cross, pieces of the bore leave it by no more than its facets
+    facet = 12.065 * (1.0 - np.cos(np.pi / 32.0))
+    assert FacePieces.of(true_faces(made.static)).errors.max() < 2.0 * facet
 
 
 def test_poses_and_clearances_of_a_saddle_are_told(saddle: fo.Problem) -> None:
