@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +32,7 @@ from fcdm_opt.geometry.patches import (
     true_faces,
 )
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import onto
+from fcdm_opt.geometry.tessellation import misses_of_each, onto, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
@@ -40,6 +40,7 @@ SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
+COSINE = 1.0 - DEFAULT.sharp**2  # of faces that are tangent
 APART = 0.05  # of the size: nearer points at the same sizes are one
 ROLES = "movable", "static"
 
@@ -315,7 +316,7 @@ class TrueSizes:
 
     def apart(self) -> list[tuple[int, int]]:
         """Return part pairs that are not looked at: of pieces that meet others."""
-        meeting = {*self._meeting_pieces()}
+        meeting = {*chain.from_iterable(self._meeting_pieces())}
         firsts = [len(body.parts) - len(points) for body, points in zip(self.bodies, self._piece_points, strict=True)]
         return [
             (i, j) for i, j in np.ndindex(*(len(body.parts) for body in self.bodies))
@@ -323,20 +324,20 @@ class TrueSizes:
             and (i if i >= firsts[0] else None, j if j >= firsts[1] else None) not in meeting
         ]  # fmt: skip
 
-    def _meeting_pieces(self) -> list[tuple[int | None, ...]]:
-        """Return the parts that are pieces at each of the points, None where there is no room for one."""
-        pieces, near = list[list[int | None]](), DEFAULT.tie * self.size
+    def _meeting_pieces(self) -> list[list[tuple[int | None, ...]]]:
+        """Return each two parts that are pieces and meet at each of the points; None where there is no room for one."""
+        pieces, near = list[list[list[int | None]]](), DEFAULT.tie * self.size
         for body, points, at in zip(self.bodies, self.points, self._piece_points, strict=True):
             first = len(body.parts) - len(at)
-            numbers = [[k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
-            pieces.append([first + found[0] if found else None for found in numbers])
-        return list(zip(*pieces, strict=True))
+            numbers = [[first + k for k, x in enumerate(at) if norms(x - point) <= near] for point in points]
+            pieces.append([[*found] or [None] for found in numbers])
+        return [list(product(*each)) for each in zip(*pieces, strict=True)]
 
     def replaced(self, pose: Array, place: Array, gap: float, pairs: Sequence[tuple[int, int]]) -> bool:
         """Replace points of these part pairs where true faces have a larger gap at sizes; tell whether any were."""
         # along normals that have turned since, as where a ball has moved on a rim: those nearest now are taken
         slack = DEFAULT.tie * self.size
-        kept = [own not in pairs for own in self._meeting_pieces()]
+        kept = [{*pairs}.isdisjoint(own) for own in self._meeting_pieces()]
         if all(kept) or self.nearest(pose, place, gap + slack):
             return False
         self.points = [own[kept] for own in self.points]
@@ -560,9 +561,15 @@ class SizedFaces:
         self._uniform = np.array([float(sizes[k].scale == "xyz") for k in columns])
         first, self._places = distinct_rows(self.faces.corners.reshape(-1, 3))
         points, owners = self.faces.corners.reshape(-1, 3)[first], np.repeat(self.faces.owners, 3)
+        self._points = points
         self._lengths = lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
+        self._middles = [self.faces.corners[self.faces.owners == k].mean(axis=(0, 1)) for k in range(owners.max() + 1)]
+        smooth = [k for k, (_, _, own) in enumerate(met) if np.triu(np.abs(own @ own.T), 1).max() > COSINE]
+        counts = {len(meeting[k]) for k in smooth}
+        groups = ([k for k in smooth if len(meeting[k]) == count] for count in counts)
+        self._tangent = [(rows, np.array([meeting[k] for k in rows])) for rows in groups]
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
@@ -611,5 +618,8 @@ class SizedFaces:
             else:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))
-        moved = (self._moves @ values)[self._places] / scale
-        return self.faces.moved(patches, self.faces.corners + moved.reshape(-1, 3, 3)), scale
+        corners, surfaces = self._points + self._moves @ values / scale, [own.surface for own in patches]
+        for rows, met in self._tangent:
+            kept = misses_of_each(self._points[rows], [own.surface for own in self.faces.patches], met)[0]
+            corners[rows] = onto_crossings(corners[rows], surfaces, met, kept, self._middles, self.faces.slack)
+        return self.faces.moved(patches, corners[self._places].reshape(-1, 3, 3)), scale

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -32,7 +33,7 @@ PUSHES = 60  # by which a point is brought into the material
 
 
 def exact_at(body: Body, points: Array) -> Body | None:
-    """Return a body within the true one that reaches points of its round faces; None where no such body is known.
+    """Return a body within the true one that reaches points of its faces; None where no such body is known.
 
     `points` (n, 3): as drawn; one near no round face or its edge changes nothing.
     """
@@ -41,12 +42,12 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return None
     if not round_surfaces(body):
         return found[0]
-    inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
+    inner, near, pieces = found[0], DEFAULT.tie * body.size, list[tuple[Array, tuple[int, ...], Array, Hull]]()
     corners = np.concatenate([part.vertices for part in inner.parts])
     for point in np.asarray(points, float).reshape(-1, 3):
-        far = norms(corners - point).min() > DEFAULT.tie * body.size
-        if far and (piece := _piece(body, *point.tolist())) is not None:
-            pieces.append(piece)
+        far = norms(corners - point).min() > near
+        if far and not _on_planes(body, inner, point, near) and (own := _pieces(body, *point.tolist())):
+            pieces += own
             corners = np.concatenate([corners, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
@@ -67,8 +68,9 @@ def exact_at(body: Body, points: Array) -> Body | None:
 
 
 @lru_cache(maxsize=256)  # each further point is asked for with those before it
-def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hull] | None:
+def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Array, Hull]]:
     """Return corners of a convex piece of the true solid at a point, those on the faces first; see `PointPiece`."""
+    # of faces that go on in each other smoothly there, each has one of its own, as sizes may move either alone
     faces, point = true_faces(body), np.array(place)
     size = faces.body.size
     near = faces.at(point)
@@ -77,22 +79,25 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
         near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
-    if not near or not faces.is_round[near[0]]:
-        return None
+    if not near:
+        return []
     patches = [faces.patches[k] for k in near]
-    normals = np.array([own.gaps(point[None])[1][0] for own in patches])
+    every = np.array([own.gaps(point[None])[1][0] for own in patches])
+    alike = norms(cross(every[:, None], every)) < DEFAULT.sharp
+    smooth = [np.flatnonzero(own) for own in np.unique(alike, axis=0)[::-1]]
+    normals = every[[own[0] for own in smooth]]
     middle = units(normals.sum(axis=0))
     width = (1.0 - BENT**2 / 8.0) * faces.room(near, point)  # as places on the face are off those beside the point
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))
     if not min(width, depth) > SMALL * size:
-        return None
-    if len(patches) == 1 or norms(cross(normals[0], normals[1])) < DEFAULT.sharp:  # a face, or smooth along an edge
-        _, frame = np.linalg.eigh(patches[0].bends(point[None])[0])
-        one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
+        return []
+    if len(normals) == 1:
+        across = (1.0 + 2.0 * bend) * np.outer(middle, middle)
+        one, two, _ = np.linalg.eigh(patches[0].bends(point[None])[0] + across)[1].T
         directions = [one, -one, two, -two]
-    elif len(patches) == 2:  # along the edge, and from it along either face
+    elif len(normals) == 2:  # along the edge, and from it along either face
         along = units(cross(normals[0], normals[1]))
         on_faces = (cross(normal, along) for normal in normals)
         away = (own * -np.sign(own @ other) for own, other in zip(on_faces, normals[::-1], strict=True))
@@ -104,12 +109,21 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
         both = units(np.concatenate([along, -along]))
         directions = [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
         if len(directions) < 3:
-            return None
+            return []
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
     ring = [_within(patches, point + width * direction - lower) for direction in directions]
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
-    return corners, tuple(faces.row_at(k, point) for k in near), normals, hull
+    chosen = [sorted(own) for own in product(*smooth)]
+    return [(corners, tuple(faces.row_at(near[k], point) for k in own), every[own], hull) for own in chosen]
+
+
+def _on_planes(body: Body, inner: Body, point: Array, near: float) -> bool:
+    """Tell whether a point is of plane faces alone, and on a body within: that may end before a bore does."""
+    faces = true_faces(body)
+    return not faces.is_round[faces.at(point)].any() and any(
+        ((part.normals @ point) - part.levels).max() <= near for part in inner.parts
+    )
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:

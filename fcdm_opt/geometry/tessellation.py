@@ -22,6 +22,8 @@ CUTS = 8  # of a side of a triangle on a torus, at whose corners it is looked at
 SPLITS = 1, 2, 4, 8  # of the sides of triangles, from which the true volume is extrapolated
 ALONG = 0.7  # cosine: triangles of a surface are turned against it by less
 TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
+NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
+SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -442,6 +444,37 @@ def misses_of_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> tup
         its = Swept.stacked([surfaces[k] for k in own.tolist()]).at_rows(each)
         gaps[asked], normals[asked] = its.misses(points[rows])
     return gaps, normals
+
+
+def onto_crossings(
+    points: Array, surfaces: Sequence[Swept], which: Ints, kept: Array, middles: Sequence[Array], near: float
+) -> Array:
+    """Return points (n, 3) where surfaces cross that met there before they moved, by Newton's method.
+
+    Those that were tangent cross aside of that: there the curved one ends, and the straighter one goes on.
+
+    - `which` (n, m): the surfaces of each, by number. `kept` (n, m): how far it is to stay off these.
+    - `middles`: a point of the face of each surface, (3,). `near`: length by which surfaces count as one.
+    """
+    found = points.copy()
+    gaps, normals = misses_of_each(points, surfaces, which)
+    cosines = normals @ normals.transpose(0, 2, 1)
+    signs = np.sign(cosines)
+    apart = (gaps - kept)[:, :, None] - signs * (gaps - kept)[:, None]
+    smooth = norms(cross(normals[:, :, None], normals[:, None])) < DEFAULT.sharp
+    parted = np.argwhere(smooth & (np.abs(apart) > near) & np.tri(which.shape[1], k=-1, dtype=bool))
+    for row, i, j in parted[np.unique(parted[:, 0], return_index=True)[1]].tolist():
+        one, two = (surfaces[which[row, k]].bends(points[None, row])[0] for k in (i, j))
+        rates, axes = np.linalg.eigh(one - signs[row, i, j] * two)
+        rate, along = max(zip(rates.tolist(), axes.T, strict=True), key=lambda own: abs(own[0]))
+        if rate * apart[row, i, j] < 0.0:
+            curved = i if abs(along @ one @ along) > abs(along @ two @ along) else j
+            side = math.copysign(1.0, (middles[which[row, curved]] - points[row]) @ along)
+            found[row] += side * math.sqrt(-2.0 * apart[row, i, j] / rate) * along
+    for _ in range(NEWTON_STEPS):
+        gaps, normals = misses_of_each(found, surfaces, which)
+        found -= (np.linalg.pinv(normals, rcond=SMOOTH) @ (gaps - kept)[..., None])[..., 0]
+    return found
 
 
 def inverse_of(products: Array) -> Array:

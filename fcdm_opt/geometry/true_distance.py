@@ -18,7 +18,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
 from fcdm_opt.geometry.patches import Patch, TrueFaces
-from fcdm_opt.geometry.tessellation import Swept, onto_each
+from fcdm_opt.geometry.tessellation import Swept, misses_of_each, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
@@ -31,6 +31,7 @@ IDENTITY = np.eye(4)
 CHUNK = 16_384  # pairs of pieces whose motions are looked at together
 SURELY = 1.0 + 1e-6  # what is rounded: a hundred times what second derivatives by differences are off
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
+ASLANT = 0.1  # radians: faces that meet at less and not on their edge, as sizes moved them, cross nowhere near
 TURN = 2.0 * np.pi - 1e-6
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
 
@@ -50,15 +51,22 @@ class FacePieces(NamedTuple):
         others = np.full((len(faces.corners), 3), -1)
         _, same = distinct_rows(np.concatenate([faces.corners.reshape(-1, 3), faces.every_edge.reshape(-1, 3)]))
         corners, ends = np.split(same, [3 * len(faces.corners)])
-        known = dict[tuple[int, int, int], int]()
-        for (a, b), pair in zip(ends.reshape(-1, 2).tolist(), faces.every_pair_of_patches.tolist(), strict=True):
-            for one, two in (pair, pair[::-1]):
+        known, surfaces = dict[tuple[int, int, int], int](), [own.surface for own in faces.patches]
+        pairs = faces.every_pair_of_patches  # of which some were tangent, and sizes moved them apart: each ends there
+        off, normals = misses_of_each(faces.every_edge.reshape(-1, 3), surfaces, np.repeat(pairs, 2, axis=0))
+        apart = (np.abs(off) > faces.slack).any(axis=1) & (norms(cross(*normals.swapaxes(0, 1))) < ASLANT)
+        on = (~apart).reshape(-1, 2).all(axis=1).tolist()
+        for (a, b), pair, meet in zip(ends.reshape(-1, 2).tolist(), pairs.tolist(), on, strict=True):
+            for one, two in (pair, pair[::-1]) if meet else ():
                 known[min(a, b), max(a, b), one] = two
         for k, (own, patch) in enumerate(zip(corners.reshape(-1, 3).tolist(), faces.owners.tolist(), strict=True)):
             for side in range(3):
                 a, b = own[side], own[(side + 1) % 3]
                 others[k, side] = known.get((min(a, b), max(a, b), patch), -1)
-        whole = cls(faces.corners, faces.owners, others, *np.zeros((2, len(others))))
+        places = faces.corners
+        if not all(on):
+            places = onto_each(places.reshape(-1, 3), surfaces, np.repeat(faces.owners, 3)[:, None])
+        whole = cls(places.reshape(-1, 3, 3), faces.owners, others, *np.zeros((2, len(others))))
         return whole.outside_holes(faces)[0].measured(faces.patches)
 
     def only(self, rows: Flags) -> FacePieces:

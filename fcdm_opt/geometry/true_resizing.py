@@ -22,12 +22,8 @@ from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
 from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
-
-NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
-SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
-
 
 Cut = Callable[[Body, Array], Body | None]
 """Returns a solid with its corners elsewhere, (n, 3), cut into the same parts; None where it is not to be."""
@@ -144,6 +140,7 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     # faces that meet as drawn no longer do, as a plane and a fillet of another radius
     drawn = _each_surface(body, round_surfaces(body), np.zeros(len(body.faces)))
     places, around = body.vertices.copy(), faces_around(body)
+    middles = [body.vertices[np.array(own) - 1].mean(axis=0) for own in body.faces]
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
     moved = dict[int, list[int]]()  # by how many faces meet there
     for row, faces in enumerate(around):
@@ -153,9 +150,7 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     for rows in moved.values():
         which = np.array([sorted(around[row]) for row in rows])
         kept = misses_of_each(body.vertices[rows], drawn, which)[0]
-        for _ in range(NEWTON_STEPS):
-            gaps, normals = misses_of_each(places[rows], true, which)
-            places[rows] -= (np.linalg.pinv(normals, rcond=SMOOTH) @ (gaps - kept)[..., None])[..., 0]
+        places[rows] = onto_crossings(places[rows], true, which, kept, middles, DEFAULT.tie * body.size)
         if np.abs(misses_of_each(places[rows], true, which)[0] - kept).max() > DEFAULT.snap * body.size:
             return None
     return places

@@ -178,7 +178,7 @@ def _any_comes_off(problem: Problem, T: Array) -> bool:
     if found is None or corners is None:
         return False
     sides = zip(drawn, bodies, found.faces, found.parts, corners, strict=True)
-    return _comes_off(problem, T, [_walls(*own) for own in sides])
+    return _comes_off(problem, T, [_walls(*own) for own in sides], past=problem.motion.shifts)
 
 
 def _alike(drawn: Body, made: Body) -> tuple[Array, Array]:
@@ -196,9 +196,10 @@ def _walls(
     return drawn.vertices[rows], made.vertices[rows]
 
 
-def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]]) -> bool:
+def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]], *, past: bool = False) -> bool:
     """Tell whether points of body 1 reach into the hull of others as drawn, deeper than sizes change, then no more."""
-    # `points` are those of both bodies, (n, 3) and (m, 3), as drawn and as made
+    # `points` are those of both bodies, (n, 3) and (m, 3), as drawn and as made. With `past` they are known to face
+    # each other no more, as walls that do not go together and are shifted to where no part is in another
     seeds = problem.movable.seed, problem.static.seed
     drawn, (start, others) = (
         [seed + rho * (own - seed) for seed, rho, own in zip(seeds, scales, each, strict=True)]
@@ -214,7 +215,7 @@ def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]]
     if not length > GROWTH * change:
         return False
     deep = _depth(drawn[0], drawn[1], ahead)
-    if not deep > GROWTH * change or _depth(end, others, ahead) > LEFT * deep:
+    if not deep > GROWTH * change or (not past and _depth(end, others, ahead) > LEFT * deep):
         return False
     overlap = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)  # to be taken apart by the motion
     return deep > GROWTH * (change + overlap)

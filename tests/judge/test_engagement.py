@@ -836,3 +836,19 @@ def test_a_hollow_part_that_came_out_thicker_was_said_to_leave_the_fit(goal: str
     found = fo.solve(fo.Problem(frame(39, 30, 12, 27), frame(40, 20, 0, 12), **asked))
     assert found.usable
     assert found.amount == pytest.approx(0.01, rel=1e-9)
+
+
+def test_collars_that_do_not_go_over_a_saddle_are_out_of_the_fit_though_one_hangs_into_its_channel() -> None:
+    # a channel is within the hull of its walls: what is above them by half may be in that hull yet. The lift is that
+    # of a chamfer, 1.2 up for 1 across, over the edge of the channel
+    walls = [block(x, (-15.0, 15.0), (-25.0, 15.0)) for x in ((-25.0, -12.05), (12.05, 25.0))]
+    saddle = fo.Body.from_parts([*walls, block((-12.05, 12.05), (-15.0, 15.0), (-25.0, -12.05))], seed=(0, 0, 0))
+    profile = [(16.0, 16.0), (16.0, -4.0), (6.0, -16.0), (-6.0, -16.0), (-16.0, -4.0), (-16.0, 16.0)]
+    collars = [np.array([(x, y, z) for y in own for x, z in profile]) for own in ((-20.2, -15.2), (15.2, 20.2))]
+    bar = fo.Body.from_parts([block((-12.0, 12.0), (-40.0, 40.0), (-12.0, 12.0)), *collars], seed=(0, 0, 0))
+    problem = fo.Problem(bar, saddle, target=(0.98, 1.02), goal="clear", motion=UP)
+    found = fo.solve(problem)
+    assert found.status is Status.OUTSIDE_FIT
+    assert verdict_text(found).startswith("does not fit: body 30.60 in body 29.79")
+    lift = 1.02 * 15.0 + 0.98 * 4.0 + 1.2 * (0.98 * 16.0 - 1.02 * 12.05)
+    assert found.amount == pytest.approx(lift, rel=1e-9)
