@@ -24,7 +24,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import distances
-from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, surfaces_of_triangles
+from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, onto_each, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -35,6 +35,7 @@ LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction t
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
+BOWED = 1.5  # times what the middle of a chord leaves its edge, any point of it does at most
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
@@ -72,6 +73,15 @@ class Patch(NamedTuple):
     def placed(self, transform: Array, scale: float) -> Patch:
         """Return it moved and scaled, see `Swept.placed`."""
         return Patch(self.surface.placed(transform, scale), self.side)
+
+
+class Rim(NamedTuple):
+    """The bent edges of a plane patch with another one, which leave their chords."""
+
+    ends: Array  # of the chords, (m, 2, 3)
+    middles: Array  # of these, (m, 3)
+    bows: Array  # from there to the edge, (m, 3)
+    short: Flags  # whether triangles of the plane end short of the edge, at the chord; else they go on beyond it
 
 
 class TrueFaces:
@@ -198,27 +208,49 @@ class TrueFaces:
         return found
 
     @cached_property
-    def rims(self) -> dict[tuple[int, int], Array]:
-        """The plane patches that holes open in, with the holes' patches, and the middles of the rim's chords."""
+    def rims(self) -> dict[tuple[int, int], Rim]:
+        """The bent edges of plane patches, by these and the patch beyond."""
         both = np.concatenate([self.every_pair_of_patches, self.every_pair_of_patches[:, ::-1]])
-        flat, concave = np.array([(own.surface.flat, own.concave) for own in self.patches]).T
-        rows, middles = flat[both[:, 0]] & concave[both[:, 1]], np.tile(self.every_edge.mean(axis=1), (2, 1))
-        for hole in np.unique(both[rows, 1]).tolist():  # straight edges are no rim, as of the flat of a D-shaped bore
-            own = np.flatnonzero(rows & (both[:, 1] == hole))
-            rows[own] = np.abs(self.patches[hole].gaps(middles[own])[0]) > self.slack
-        pairs = map(tuple, np.unique(both[rows], axis=0).tolist())
-        return {(k, hole): middles[rows & (both == (k, hole)).all(axis=1)] for k, hole in pairs}
+        surfaces, ends = [own.surface for own in self.patches], np.concatenate([self.every_edge, self.every_edge[:, ::-1]])
+        flat = np.array([own.flat for own in surfaces])
+        rows = np.flatnonzero(flat[both[:, 0]] & ~flat[both[:, 1]])
+        both, ends, middles = both[rows], ends[rows], ends[rows].mean(axis=1)
+        bows = onto_each(middles, surfaces, both) - middles
+        inward = cross(np.array([own.axis for own in surfaces])[both[:, 0]], ends[:, 1] - ends[:, 0])
+        bent = norms(bows) > self.slack  # straight edges are no rim, as of the flat of a D-shaped bore
+        short, found = (bows * inward).sum(axis=1) < 0.0, dict[tuple[int, int], Rim]()
+        for k, other in np.unique(both[bent], axis=0).tolist():
+            own = bent & (both == (k, other)).all(axis=1)
+            found[k, other] = Rim(ends[own], middles[own], bows[own], short[own])
+        return found
+
+    @property
+    def holes(self) -> list[tuple[int, int]]:
+        """The plane patches that holes open in, with the holes' patches."""
+        return [(k, other) for k, other in self.rims if self.patches[other].concave]
 
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
-        patches, middles = [self.patches[k] for k in (plane, hole)], self.rims[plane, hole]
-        free = (patches[1].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
-        outward = units(onto(middles, [own.surface for own in patches]) - middles)
-        heights = ((corners[free, :, None] - middles) * outward).sum(axis=-1)
+        rim = self.rims[plane, hole]
+        free = (self.patches[hole].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
+        heights = ((corners[free, :, None] - rim.middles) * units(rim.bows)).sum(axis=-1)
         found = np.zeros(len(corners), bool)
         found[free] = (heights >= -abs(near)).all(axis=1).any(axis=1)
         return found
+
+    def beyond_chords(self, plane: int, other: int, points: Array) -> tuple[Flags, Flags]:
+        """Tell which points of a plane, (n, 3), are between a chord of a rim and the rim: on the face, or in a hole."""
+        rim, near = self.rims[plane, other], DEFAULT.tie * self.body.size
+        along, off = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.middles
+        heights, aside = ((off * units(own)).sum(axis=-1) for own in (rim.bows, along))
+        over = (heights >= -near) & (heights <= BOWED * norms(rim.bows)) & (2.0 * np.abs(aside) <= norms(along) + near)
+        rows, which = np.nonzero(over)
+        to_rim = onto(points[rows], [self.patches[k].surface for k in (plane, other)]) - points[rows]
+        room, short = (to_rim * units(rim.bows)[which]).sum(axis=1), rim.short[which]
+        found = np.zeros((2, len(points)), bool)
+        found[0, rows[short & (room >= -near)]] = found[1, rows[~short & (room > near)]] = True
+        return found[0], found[1]
 
     def at(self, point: Array, near: float = 0.0) -> list[int]:
         """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
@@ -341,9 +373,10 @@ class _Placed:
         off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
         there = off <= 2.0 * self.scale * self.faces.off_triangles + near
         found = np.asarray((met & there).any(axis=1))
-        for plane, hole in self.faces.rims if found.any() else ():
+        for plane, other in self.faces.rims:
             if plane == k:
-                found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)
+                on_face, in_hole = self.faces.beyond_chords(plane, other, self.drawn(points - gaps[:, None] * normals))
+                found = (found | on_face) & ~in_hole
         return found
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
@@ -354,9 +387,6 @@ class _Placed:
             rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
-                corners = self.corners[self.faces.owners == j].reshape(-1, 3)
-                if own.surface.flat and self.patches[k].gaps(corners)[0].max() <= DEFAULT.tie * self.faces.body.size:
-                    found[rows] |= self.faces.has_points(j, self.drawn(points[rows]))  # from chords to the rim
         off = self.scale * max(deviation_of(self.faces.body))  # of chords of edges
         rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
         if len(rows):

@@ -89,11 +89,11 @@ class FacePieces(NamedTuple):
         # a triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within
         # goes
         there = np.ones(len(self.corners), bool)
-        for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
+        for plane, hole in faces.holes:  # between a chord of a rim and the rim nothing is
             rows = np.flatnonzero(self.patches == plane)
             there[rows] &= ~faces.in_hole(plane, hole, self.corners[rows], DEFAULT.tie * faces.body.size)
         found, of, near = self.only(there), np.flatnonzero(there), faces.slack
-        for plane, hole in faces.rims:
+        for plane, hole in faces.holes:
             rim, beyond = faces.patches[hole].surface, partial(faces.in_hole, plane, hole, near=near)
             for _ in range(LEVELS):
                 own = found.patches == plane
