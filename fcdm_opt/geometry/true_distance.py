@@ -324,12 +324,13 @@ class FacesApart:
         # and of which a smaller piece may, as its corners are in it now
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
+            moves = rates if not k else rates._replace(first=-rates.first)  # as seen from body 1
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)
                 its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
-                far = _farthest_after(own.corners[its], own.errors[its], most, surface, rates, amount)
+                far = _farthest_after(own.corners[its], own.errors[its], most, surface, moves, amount)
                 found[k, rows] |= far < room[rows]
                 may[k, rows] |= _out(own.corners[its], surface).max(axis=1) < room[rows]
         return found, may
