@@ -73,8 +73,9 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     size = faces.body.size
     near = faces.at(point)
     # beside an edge as at it, else a piece would be too small to hold
-    if near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size:
-        near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
+    if near and (room := faces.room(near, point, concave=False)) < NEXT_TO_EDGE * size:
+        around = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
+        near = [k for k in around if not any((min(k, own), max(k, own)) in faces.reentrant for own in near)]
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
     if not near or not faces.is_round[near[0]]:
@@ -82,7 +83,7 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point)  # as places on the face are off those beside the point
+    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)  # as places on the face are off those beside the point
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))

@@ -95,6 +95,7 @@ class TrueFaces:
     first_rows: Ints  # the first of the rows of `Body.faces` that each patch stands for, (p,)
     edges: Array  # ends of the convex edges between two patches, (m, 2, 3)
     edge_patches: Ints  # these patches, (m, 2)
+    reentrant: frozenset[tuple[int, int]]  # patches that meet at concave edges alone, the smaller number first
     tips: Array  # corners, in which edges of several kinds meet, (v, 3)
 
     def __init__(self, body: Body) -> None:
@@ -130,7 +131,11 @@ class TrueFaces:
         self.every_pair_of_patches = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
         far = self.corners[of[two], (places[two] + 2) % 3]
         convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
-        convex &= ~self._smooth(start)
+        sharp = ~self._smooth(start)
+        concave, convex = sharp & ~convex, sharp & convex
+        both = np.sort(self.every_pair_of_patches, axis=1)
+        self.reentrant = frozenset(map(tuple, both[concave].tolist())) - frozenset(map(tuple, both[~concave].tolist()))
+        self._folds = np.array([tuple(pair) in self.reentrant for pair in both.tolist()], bool)
         self.edges, self.edge_patches = self.every_edge[convex], self.every_pair_of_patches[convex]
         tips, spot = distinct_rows(self.edges.reshape(-1, 3))
         kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
@@ -281,9 +286,13 @@ class TrueFaces:
                 return False
         return True
 
-    def room(self, near: Sequence[int], point: Array) -> float:
-        """Return how far true edges are from a point of some patches, but for those between two of these."""
-        others = np.flatnonzero(~np.isin(self.every_pair_of_patches, near).all(axis=1))
+    def room(self, near: Sequence[int], point: Array, *, concave: bool = True) -> float:
+        """Return how far true edges are from a point of some patches, but for those between two of these.
+
+        Without the `concave` ones of these: what is behind a surface there is in the material beyond them too.
+        """
+        own = np.isin(self.every_pair_of_patches, near)
+        others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds & (not concave))))
         away = distances(point[None], self.every_edge[others])[:, 0]
         order, least, most = np.argsort(away), np.inf, 2.0 * max(deviation_of(self.body))
         for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
