@@ -330,9 +330,9 @@ class FacesApart:
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)
                 its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
-                far = _farthest_after(own.corners[its], own.errors[its], most, surface, moves, amount)
+                far, near = _farthest_after(own.corners[its], own.errors[its], most, surface, moves, amount)
                 found[k, rows] |= far < room[rows]
-                may[k, rows] |= _out(own.corners[its], surface).max(axis=1) < room[rows]
+                may[k, rows] |= near < room[rows]
         return found, may
 
     def _nearest_to(self, k: int, number: int) -> Array:
@@ -488,8 +488,8 @@ def _crossing(
 
 def _farthest_after(
     corners: Array, errors: Array, farthest: Array, surface: Swept, rates: PoseDerivatives, amount: float
-) -> Array:
-    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,)."""
+) -> tuple[Array, Array]:
+    """Return how far out pieces, and a corner of each, are within a surface after any such motion at most, (m,)."""
     # where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
     # corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
     # `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
@@ -509,7 +509,8 @@ def _farthest_after(
     lift = np.linalg.norm(moves @ surface.axis, axis=-1)
     along = off @ surface.axis - np.sign(slope) * (room + amount * lift)
     push = bend + amount * np.minimum(speed, steep * far + abs(slope) * lift)
-    return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push.max(axis=1))
+    out = steep * most - slope * along
+    return np.minimum(out.max(axis=1), farthest[1] + push.max(axis=1)), out.min(axis=1)
 
 
 def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:
