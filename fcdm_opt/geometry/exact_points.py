@@ -83,7 +83,8 @@ def _piece(body: Body, *place: float) -> tuple[Array, tuple[int, ...], Array, Hu
     patches = [faces.patches[k] for k in near]
     normals = np.array([own.gaps(point[None])[1][0] for own in patches])
     middle = units(normals.sum(axis=0))
-    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)  # as places on the face are off those beside the point
+    # as places on the face are off those beside the point
+    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))

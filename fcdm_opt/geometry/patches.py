@@ -215,8 +215,8 @@ class TrueFaces:
     @cached_property
     def rims(self) -> dict[tuple[int, int], Rim]:
         """The bent edges of plane patches, by these and the patch beyond."""
-        both = np.concatenate([self.every_pair_of_patches, self.every_pair_of_patches[:, ::-1]])
-        surfaces, ends = [own.surface for own in self.patches], np.concatenate([self.every_edge, self.every_edge[:, ::-1]])
+        pairs, edges, surfaces = self.every_pair_of_patches, self.every_edge, [own.surface for own in self.patches]
+        both, ends = np.concatenate([pairs, pairs[:, ::-1]]), np.concatenate([edges, edges[:, ::-1]])
         flat = np.array([own.flat for own in surfaces])
         rows = np.flatnonzero(flat[both[:, 0]] & ~flat[both[:, 1]])
         both, ends, middles = both[rows], ends[rows], ends[rows].mean(axis=1)
