@@ -79,8 +79,7 @@ class Rim(NamedTuple):
     """The bent edges of a plane patch with another one, which leave their chords."""
 
     ends: Array  # of the chords, (m, 2, 3)
-    middles: Array  # of these, (m, 3)
-    bows: Array  # from there to the edge, (m, 3)
+    bows: Array  # from their middles to the edge, (m, 3)
     short: Flags  # whether triangles of the plane end short of the edge, at the chord; else they go on beyond it
 
 
@@ -219,14 +218,14 @@ class TrueFaces:
         both, ends = np.concatenate([pairs, pairs[:, ::-1]]), np.concatenate([edges, edges[:, ::-1]])
         flat = np.array([own.flat for own in surfaces])
         rows = np.flatnonzero(flat[both[:, 0]] & ~flat[both[:, 1]])
-        both, ends, middles = both[rows], ends[rows], ends[rows].mean(axis=1)
-        bows = onto_each(middles, surfaces, both) - middles
+        both, ends = both[rows], ends[rows]
+        bows = onto_each(ends.mean(axis=1), surfaces, both) - ends.mean(axis=1)
         inward = cross(np.array([own.axis for own in surfaces])[both[:, 0]], ends[:, 1] - ends[:, 0])
         bent = norms(bows) > self.slack  # straight edges are no rim, as of the flat of a D-shaped bore
         short, found = (bows * inward).sum(axis=1) < 0.0, dict[tuple[int, int], Rim]()
         for k, other in np.unique(both[bent], axis=0).tolist():
             own = bent & (both == (k, other)).all(axis=1)
-            found[k, other] = Rim(ends[own], middles[own], bows[own], short[own])
+            found[k, other] = Rim(ends[own], bows[own], short[own])
         return found
 
     @property
@@ -237,25 +236,21 @@ class TrueFaces:
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
-        rim = self.rims[plane, hole]
-        free = (self.patches[hole].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
-        heights = ((corners[free, :, None] - rim.middles) * units(rim.bows)).sum(axis=-1)
-        found = np.zeros(len(corners), bool)
-        found[free] = (heights >= -abs(near)).all(axis=1).any(axis=1)
-        return found
+        beyond = self.beyond_chords(plane, hole, corners.reshape(-1, 3), near)
+        whole: Flags = beyond.reshape(*corners.shape[:2], beyond.shape[1]).all(axis=1)
+        return whole.any(axis=1)
 
-    def beyond_chords(self, plane: int, other: int, points: Array) -> tuple[Flags, Flags]:
-        """Tell which points of a plane, (n, 3), are between a chord of a rim and the rim: on the face, or in a hole."""
-        rim, near = self.rims[plane, other], DEFAULT.tie * self.body.size
-        along, off = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.middles
-        heights, aside = ((off * units(own)).sum(axis=-1) for own in (rim.bows, along))
-        over = (heights >= -near) & (heights <= BOWED * norms(rim.bows)) & (2.0 * np.abs(aside) <= norms(along) + near)
-        rows, which = np.nonzero(over)
+    def beyond_chords(self, plane: int, other: int, points: Array, near: float | Array) -> Flags:
+        """Tell which points of a plane, (n, 3), are between which chord of a rim and the rim, or near that, (n, m)."""
+        rim = self.rims[plane, other]
+        along, off, out = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.ends.mean(axis=1), units(rim.bows)
+        heights, aside = (off * out).sum(axis=-1), np.abs((off * units(along)).sum(axis=-1))
+        found = (heights >= -np.abs(near)) & (heights <= BOWED * norms(rim.bows) + np.abs(near))
+        found &= 2.0 * aside <= norms(along) + 2.0 * np.abs(near)
+        rows, which = np.nonzero(found)
         to_rim = onto(points[rows], [self.patches[k].surface for k in (plane, other)]) - points[rows]
-        room, short = (to_rim * units(rim.bows)[which]).sum(axis=1), rim.short[which]
-        found = np.zeros((2, len(points)), bool)
-        found[0, rows[short & (room >= -near)]] = found[1, rows[~short & (room > near)]] = True
-        return found[0], found[1]
+        found[rows, which] = (to_rim * out[which]).sum(axis=1) >= -np.broadcast_to(near, found.shape)[rows, which]
+        return found
 
     def at(self, point: Array, near: float = 0.0) -> list[int]:
         """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
@@ -264,10 +259,8 @@ class TrueFaces:
     def at_each(self, points: Array, near: float = 0.0) -> list[list[int]]:
         """Return those of each of several points, (n, 3)."""
         near, (low, high) = max(DEFAULT.tie * self.body.size, near), self._boxes
-        around, found = (
-            (low - near <= points[:, None]) & (points[:, None] <= high + near),
-            [list[int]() for _ in points],
-        )
+        around = (low - near <= points[:, None]) & (points[:, None] <= high + near)
+        found = [list[int]() for _ in points]
         for k, (patch, within) in enumerate(zip(self.patches, around.all(axis=2).T, strict=True)):
             rows = np.flatnonzero(within)
             rows = rows[np.abs(patch.gaps(points[rows])[0]) <= near] if len(rows) else rows
@@ -382,10 +375,11 @@ class _Placed:
         off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
         there = off <= 2.0 * self.scale * self.faces.off_triangles + near
         found = np.asarray((met & there).any(axis=1))
-        for plane, other in self.faces.rims:
+        for (plane, other), rim in self.faces.rims.items():
             if plane == k:
-                on_face, in_hole = self.faces.beyond_chords(plane, other, self.drawn(points - gaps[:, None] * normals))
-                found = (found | on_face) & ~in_hole
+                feet, short = self.drawn(points - gaps[:, None] * normals), rim.short
+                beyond = self.faces.beyond_chords(plane, other, feet, np.where(short, near, -near))
+                found = (found | beyond[:, short].any(axis=1)) & ~beyond[:, ~short].any(axis=1)
         return found
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:

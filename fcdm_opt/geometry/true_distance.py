@@ -125,10 +125,8 @@ class FacePieces(NamedTuple):
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
         found = ((self.corners + np.roll(self.corners, -1, axis=1)) / 2.0).reshape(-1, 3)
-        pairs, surfaces = (
-            np.column_stack([np.repeat(self.patches, 3), self.others.ravel()]),
-            [p.surface for p in patches],
-        )
+        pairs = np.column_stack([np.repeat(self.patches, 3), self.others.ravel()])
+        surfaces = [p.surface for p in patches]
         edge = pairs[:, 1] >= 0
         found[edge] = onto_each(found[edge], surfaces, pairs[edge])
         found[~edge] = onto_each(found[~edge], surfaces, pairs[~edge, :1])
@@ -414,11 +412,9 @@ class FacesApart:
 def _encircling(faces: TrueFaces, number: int) -> list[int]:
     """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle."""
     # triangles of these may reach across what a chord leaves of the circle, where nothing is
-    surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
-    for other in np.unique(both[(both == number).any(axis=1)]).tolist():
-        if other == number or not faces.patches[other].surface.flat:
-            continue
-        ends = _across(faces.every_edge[(both == sorted((number, other))).all(axis=1)], surface)
+    surface, found = faces.patches[number].surface, list[int]()
+    for other in (plane for plane, hole in faces.rims if hole == number):
+        ends = _across(faces.rims[other, number].ends, surface)
         turns = np.arctan2(
             cross(ends[:, 0], ends[:, 1]) @ faces.patches[other].surface.axis, dots(*np.moveaxis(ends, 1, 0))
         )
