@@ -75,8 +75,9 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
     size = faces.body.size
     near = faces.at(point)
     # beside an edge as at it, else a piece would be too small to hold
-    if near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size:
-        near = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
+    if near and (room := faces.room(near, point, concave=False)) < NEXT_TO_EDGE * size:
+        around = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
+        near = [k for k in around if not any((min(k, own), max(k, own)) in faces.reentrant for own in near)]
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
     if not near:
@@ -87,7 +88,8 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
     smooth = [np.flatnonzero(own) for own in np.unique(alike, axis=0)[::-1]]
     normals = every[[own[0] for own in smooth]]
     middle = units(normals.sum(axis=0))
-    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point)  # as places on the face are off those beside the point
+    # as places on the face are off those beside the point
+    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
     width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
     depth = DEEP * min(width, faces.depth(point, -middle))

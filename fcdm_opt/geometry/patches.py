@@ -24,7 +24,7 @@ from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import distances
-from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, surfaces_of_triangles
+from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, onto_each, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -35,6 +35,7 @@ LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction t
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
+BOWED = 1.5  # times what the middle of a chord leaves its edge, any point of it does at most
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
@@ -74,6 +75,14 @@ class Patch(NamedTuple):
         return Patch(self.surface.placed(transform, scale), self.side)
 
 
+class Rim(NamedTuple):
+    """The bent edges of a plane patch with another one, which leave their chords."""
+
+    ends: Array  # of the chords, (m, 2, 3)
+    bows: Array  # from their middles to the edge, (m, 3)
+    short: Flags  # whether triangles of the plane end short of the edge, at the chord; else they go on beyond it
+
+
 class TrueFaces:
     """The patches of a body, with the triangles that stand for them, and the edges and corners between them."""
 
@@ -85,6 +94,7 @@ class TrueFaces:
     first_rows: Ints  # the first of the rows of `Body.faces` that each patch stands for, (p,)
     edges: Array  # ends of the convex edges between two patches, (m, 2, 3)
     edge_patches: Ints  # these patches, (m, 2)
+    reentrant: frozenset[tuple[int, int]]  # patches that meet at concave edges alone, the smaller number first
     tips: Array  # corners, in which edges of several kinds meet, (v, 3)
 
     def __init__(self, body: Body) -> None:
@@ -120,7 +130,11 @@ class TrueFaces:
         self.every_pair_of_patches = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
         far = self.corners[of[two], (places[two] + 2) % 3]
         convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
-        convex &= ~self._smooth(start)
+        sharp = ~self._smooth(start)
+        concave, convex = sharp & ~convex, sharp & convex
+        both = np.sort(self.every_pair_of_patches, axis=1)
+        self.reentrant = frozenset(map(tuple, both[concave].tolist())) - frozenset(map(tuple, both[~concave].tolist()))
+        self._folds = np.array([tuple(pair) in self.reentrant for pair in both.tolist()], bool)
         self.edges, self.edge_patches = self.every_edge[convex], self.every_pair_of_patches[convex]
         tips, spot = distinct_rows(self.edges.reshape(-1, 3))
         kinds = np.repeat(np.unique(np.sort(self.edge_patches, axis=1), axis=0, return_inverse=True)[1].reshape(-1), 2)
@@ -198,26 +212,44 @@ class TrueFaces:
         return found
 
     @cached_property
-    def rims(self) -> dict[tuple[int, int], Array]:
-        """The plane patches that holes open in, with the holes' patches, and the middles of the rim's chords."""
-        both = np.concatenate([self.every_pair_of_patches, self.every_pair_of_patches[:, ::-1]])
-        flat, concave = np.array([(own.surface.flat, own.concave) for own in self.patches]).T
-        rows, middles = flat[both[:, 0]] & concave[both[:, 1]], np.tile(self.every_edge.mean(axis=1), (2, 1))
-        for hole in np.unique(both[rows, 1]).tolist():  # straight edges are no rim, as of the flat of a D-shaped bore
-            own = np.flatnonzero(rows & (both[:, 1] == hole))
-            rows[own] = np.abs(self.patches[hole].gaps(middles[own])[0]) > self.slack
-        pairs = map(tuple, np.unique(both[rows], axis=0).tolist())
-        return {(k, hole): middles[rows & (both == (k, hole)).all(axis=1)] for k, hole in pairs}
+    def rims(self) -> dict[tuple[int, int], Rim]:
+        """The bent edges of plane patches, by these and the patch beyond."""
+        pairs, edges, surfaces = self.every_pair_of_patches, self.every_edge, [own.surface for own in self.patches]
+        both, ends = np.concatenate([pairs, pairs[:, ::-1]]), np.concatenate([edges, edges[:, ::-1]])
+        flat = np.array([own.flat for own in surfaces])
+        rows = np.flatnonzero(flat[both[:, 0]] & ~flat[both[:, 1]])
+        both, ends = both[rows], ends[rows]
+        bows = onto_each(ends.mean(axis=1), surfaces, both) - ends.mean(axis=1)
+        inward = cross(np.array([own.axis for own in surfaces])[both[:, 0]], ends[:, 1] - ends[:, 0])
+        bent = norms(bows) > self.slack  # straight edges are no rim, as of the flat of a D-shaped bore
+        short, found = (bows * inward).sum(axis=1) < 0.0, dict[tuple[int, int], Rim]()
+        for k, other in np.unique(both[bent], axis=0).tolist():
+            own = bent & (both == (k, other)).all(axis=1)
+            found[k, other] = Rim(ends[own], bows[own], short[own])
+        return found
+
+    @property
+    def holes(self) -> list[tuple[int, int]]:
+        """The plane patches that holes open in, with the holes' patches."""
+        return [(k, other) for k, other in self.rims if self.patches[other].concave]
 
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
-        patches, middles = [self.patches[k] for k in (plane, hole)], self.rims[plane, hole]
-        free = (patches[1].gaps(corners.reshape(-1, 3))[0] >= -near).reshape(corners.shape[:2]).all(axis=1)
-        outward = units(onto(middles, [own.surface for own in patches]) - middles)
-        heights = ((corners[free, :, None] - middles) * outward).sum(axis=-1)
-        found = np.zeros(len(corners), bool)
-        found[free] = (heights >= -abs(near)).all(axis=1).any(axis=1)
+        beyond = self.beyond_chords(plane, hole, corners.reshape(-1, 3), near)
+        whole: Flags = beyond.reshape(*corners.shape[:2], beyond.shape[1]).all(axis=1)
+        return whole.any(axis=1)
+
+    def beyond_chords(self, plane: int, other: int, points: Array, near: float | Array) -> Flags:
+        """Tell which points of a plane, (n, 3), are between which chord of a rim and the rim, or near that, (n, m)."""
+        rim = self.rims[plane, other]
+        along, off, out = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.ends.mean(axis=1), units(rim.bows)
+        heights, aside = (off * out).sum(axis=-1), np.abs((off * units(along)).sum(axis=-1))
+        found = (heights >= -np.abs(near)) & (heights <= BOWED * norms(rim.bows) + np.abs(near))
+        found &= 2.0 * aside <= norms(along) + 2.0 * np.abs(near)
+        rows, which = np.nonzero(found)
+        to_rim = onto(points[rows], [self.patches[k].surface for k in (plane, other)]) - points[rows]
+        found[rows, which] = (to_rim * out[which]).sum(axis=1) >= -np.broadcast_to(near, found.shape)[rows, which]
         return found
 
     def at(self, point: Array, near: float = 0.0) -> list[int]:
@@ -227,10 +259,8 @@ class TrueFaces:
     def at_each(self, points: Array, near: float = 0.0) -> list[list[int]]:
         """Return those of each of several points, (n, 3)."""
         near, (low, high) = max(DEFAULT.tie * self.body.size, near), self._boxes
-        around, found = (
-            (low - near <= points[:, None]) & (points[:, None] <= high + near),
-            [list[int]() for _ in points],
-        )
+        around = (low - near <= points[:, None]) & (points[:, None] <= high + near)
+        found = [list[int]() for _ in points]
         for k, (patch, within) in enumerate(zip(self.patches, around.all(axis=2).T, strict=True)):
             rows = np.flatnonzero(within)
             rows = rows[np.abs(patch.gaps(points[rows])[0]) <= near] if len(rows) else rows
@@ -249,9 +279,13 @@ class TrueFaces:
                 return False
         return True
 
-    def room(self, near: Sequence[int], point: Array) -> float:
-        """Return how far true edges are from a point of some patches, but for those between two of these."""
-        others = np.flatnonzero(~np.isin(self.every_pair_of_patches, near).all(axis=1))
+    def room(self, near: Sequence[int], point: Array, *, concave: bool = True) -> float:
+        """Return how far true edges are from a point of some patches, but for those between two of these.
+
+        Without the `concave` ones of these: what is behind a surface there is in the material beyond them too.
+        """
+        own = np.isin(self.every_pair_of_patches, near)
+        others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds & (not concave))))
         away = distances(point[None], self.every_edge[others])[:, 0]
         order, least, most = np.argsort(away), np.inf, 2.0 * max(deviation_of(self.body))
         for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
@@ -341,9 +375,11 @@ class _Placed:
         off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
         there = off <= 2.0 * self.scale * self.faces.off_triangles + near
         found = np.asarray((met & there).any(axis=1))
-        for plane, hole in self.faces.rims if found.any() else ():
+        for (plane, other), rim in self.faces.rims.items():
             if plane == k:
-                found &= ~self.faces.in_hole(plane, hole, self.drawn(points)[:, None], -near)
+                feet, short = self.drawn(points - gaps[:, None] * normals), rim.short
+                beyond = self.faces.beyond_chords(plane, other, feet, np.where(short, near, -near))
+                found = (found | beyond[:, short].any(axis=1)) & ~beyond[:, ~short].any(axis=1)
         return found
 
     def outside(self, k: int, points: Array, gaps: Array) -> Flags:
@@ -354,9 +390,6 @@ class _Placed:
             rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
-                corners = self.corners[self.faces.owners == j].reshape(-1, 3)
-                if own.surface.flat and self.patches[k].gaps(corners)[0].max() <= DEFAULT.tie * self.faces.body.size:
-                    found[rows] |= self.faces.has_points(j, self.drawn(points[rows]))  # from chords to the rim
         off = self.scale * max(deviation_of(self.faces.body))  # of chords of edges
         rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
         if len(rows):

@@ -97,11 +97,11 @@ class FacePieces(NamedTuple):
         # a triangle beside a chord may reach across the rim: it is cut where its sides cross it, and what is within
         # goes
         there = np.ones(len(self.corners), bool)
-        for plane, hole in faces.rims:  # between a chord of a rim and the rim nothing is
+        for plane, hole in faces.holes:  # between a chord of a rim and the rim nothing is
             rows = np.flatnonzero(self.patches == plane)
             there[rows] &= ~faces.in_hole(plane, hole, self.corners[rows], DEFAULT.tie * faces.body.size)
         found, of, near = self.only(there), np.flatnonzero(there), faces.slack
-        for plane, hole in faces.rims:
+        for plane, hole in faces.holes:
             rim, beyond = faces.patches[hole].surface, partial(faces.in_hole, plane, hole, near=near)
             for _ in range(LEVELS):
                 own = found.patches == plane
@@ -133,10 +133,8 @@ class FacePieces(NamedTuple):
     def middles(self, patches: Sequence[Patch]) -> Array:
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
         found = ((self.corners + np.roll(self.corners, -1, axis=1)) / 2.0).reshape(-1, 3)
-        pairs, surfaces = (
-            np.column_stack([np.repeat(self.patches, 3), self.others.ravel()]),
-            [p.surface for p in patches],
-        )
+        pairs = np.column_stack([np.repeat(self.patches, 3), self.others.ravel()])
+        surfaces = [p.surface for p in patches]
         edge = pairs[:, 1] >= 0
         found[edge] = onto_each(found[edge], surfaces, pairs[edge])
         found[~edge] = onto_each(found[~edge], surfaces, pairs[~edge, :1])
@@ -332,14 +330,15 @@ class FacesApart:
         # and of which a smaller piece may, as its corners are in it now
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
+            moves = rates if not k else rates._replace(first=-rates.first)  # as seen from body 1
             for patch in np.flatnonzero(self._concave[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)
                 its, most = pairs[rows, k], self._farthest(k, surface)[:, pairs[rows, k]]
-                far = _farthest_after(own.corners[its], own.errors[its], most, surface, rates, amount)
+                far, near = _farthest_after(own.corners[its], own.errors[its], most, surface, moves, amount)
                 found[k, rows] |= far < room[rows]
-                may[k, rows] |= _out(own.corners[its], surface).max(axis=1) < room[rows]
+                may[k, rows] |= near < room[rows]
         return found, may
 
     def _nearest_to(self, k: int, number: int) -> Array:
@@ -421,11 +420,9 @@ class FacesApart:
 def _encircling(faces: TrueFaces, number: int) -> list[int]:
     """Return which plane faces of a body lie all about a bore, cone or socket: it opens in them, a whole circle."""
     # triangles of these may reach across what a chord leaves of the circle, where nothing is
-    surface, both, found = faces.patches[number].surface, np.sort(faces.every_pair_of_patches, axis=1), list[int]()
-    for other in np.unique(both[(both == number).any(axis=1)]).tolist():
-        if other == number or not faces.patches[other].surface.flat:
-            continue
-        ends = _across(faces.every_edge[(both == sorted((number, other))).all(axis=1)], surface)
+    surface, found = faces.patches[number].surface, list[int]()
+    for other in (plane for plane, hole in faces.rims if hole == number):
+        ends = _across(faces.rims[other, number].ends, surface)
         turns = np.arctan2(
             cross(ends[:, 0], ends[:, 1]) @ faces.patches[other].surface.axis, dots(*np.moveaxis(ends, 1, 0))
         )
@@ -495,8 +492,8 @@ def _crossing(
 
 def _farthest_after(
     corners: Array, errors: Array, farthest: Array, surface: Swept, rates: PoseDerivatives, amount: float
-) -> Array:
-    """Return how far out pieces are in the space within a surface after any motion of that amount, at most, (m,)."""
+) -> tuple[Array, Array]:
+    """Return how far out pieces, and a corner of each, are within a surface after any such motion at most, (m,)."""
     # where it is less than the radius they stay in it. The largest distance from the axis, or centre, is that of a
     # corner, as it is convex: |a + s| with |s| <= l along D y is no more than sqrt(|a|^2 + 2 |D' a| l + |D|^2 l^2). See
     # `FacesApart._farthest` for what else bounds |a|, and how far out they are before: along no normal does a piece go
@@ -516,7 +513,8 @@ def _farthest_after(
     lift = np.linalg.norm(moves @ surface.axis, axis=-1)
     along = off @ surface.axis - np.sign(slope) * (room + amount * lift)
     push = bend + amount * np.minimum(speed, steep * far + abs(slope) * lift)
-    return np.minimum((steep * most - slope * along).max(axis=1), farthest[1] + push.max(axis=1))
+    out = steep * most - slope * along
+    return np.minimum(out.max(axis=1), farthest[1] + push.max(axis=1)), out.min(axis=1)
 
 
 def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:

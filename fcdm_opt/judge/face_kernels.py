@@ -140,15 +140,15 @@ def is_over(foot, direction, triangles, room):
         two = _minus((triangles[t, 1, 0], triangles[t, 1, 1], triangles[t, 1, 2]), foot)
         three = _minus((triangles[t, 2, 0], triangles[t, 2, 1], triangles[t, 2, 2]), foot)
         least = ROUNDING * max(_dot(one, one), _dot(two, two), _dot(three, three))
-        low, high = 0.0, 0.0
+        low = 0.0  # all turn one sense about a point that they are below: those of the far side of a bore the other
         for side in (
             _dot(_cross(one, two), direction),
             _dot(_cross(two, three), direction),
             _dot(_cross(three, one), direction),
         ):
             if abs(side) > least:
-                low, high = min(low, side), max(high, side)
-        if low == 0.0 or high == 0.0:
+                low = min(low, side)
+        if low == 0.0:
             return True
     return False
 

@@ -1055,8 +1055,8 @@ def test_faces_moved_by_a_size_keep_no_rims_of_those_as_drawn() -> None:
     moved = faces.moved([own.placed(pose, 1.0) for own in faces.patches], faces.corners + shift)
     assert drawn
     assert drawn.keys() == moved.rims.keys()
-    for key, middles in moved.rims.items():
-        off = np.linalg.norm(middles[:, None] - (drawn[key] + shift), axis=2)
+    for key, rim in moved.rims.items():
+        off = np.linalg.norm(rim.ends[:, None] - (drawn[key].ends + shift), axis=-1).max(axis=-1)
         np.testing.assert_allclose(off.min(axis=1), 0.0, atol=1e-12)
 
 
