@@ -398,11 +398,24 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
             scaled, offsets_of_faces(body, tuple(lengths)) @ np.array([*lengths.values()]), size
         )
         if rates is not None:
+            for row in np.flatnonzero(np.isnan(rates).any(axis=1)).tolist():
+                rates[row] = _rate_of_parts(scaled, body, size, scaled.vertices[row])
             return rates
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     found = _corners_moved(moving, np.ones(1)) if kept is None else (kept[0][: len(moving.body.vertices)], {})
     return None if found is None or found[1] else found[0] - moving.body.vertices
+
+
+def _rate_of_parts(body: Body, drawn: Body, size: Size, point: Array) -> Array:
+    """Return how a corner of parts moves with the planes of their facets, cuts too, (3,); nan of others, where it parts."""
+    with suppress(InputError):
+        each = [
+            own.moves[(own.points == point).all(axis=1), :, 0] for own in _resizing(body, (size,), drawn=drawn).parts
+        ]
+        if len(moves := np.concatenate(each)) and np.ptp(moves, axis=0).max() <= DEFAULT.nominal:
+            return np.asarray(moves[0])
+    return np.full(3, np.nan)
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -422,12 +435,18 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
     """Return how a point of a body's true faces moves, also of one exact at points, (3,)."""
-    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
+    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn;
+    # off round faces a corner of parts goes with the planes of their facets: they may go on beyond the face
     facets = body.of_facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
     offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
     near = faces.at(point, faces.slack)
-    alike = len(near) == 1 or faces.is_round[near].any()
+    is_round = faces.is_round[near].any()
+    if not is_round and facets.faces == drawn.faces:
+        of_parts = _rate_of_parts(body, drawn, size, point)
+        if not np.isnan(of_parts).any():
+            return of_parts
+    alike = len(near) == 1 or is_round
     of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
     if of_drawn is None:
         return np.full(3, np.nan)
