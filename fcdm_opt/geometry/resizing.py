@@ -408,7 +408,7 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
 
 
 def _rate_of_parts(body: Body, drawn: Body, size: Size, point: Array) -> Array:
-    """Return how a corner of parts moves with the planes of their facets, cuts too, (3,); nan of others, where it parts."""
+    """Return how a corner of parts moves with the planes of their facets, of cuts too, (3,); nan where it is none."""
     with suppress(InputError):
         each = [
             own.moves[(own.points == point).all(axis=1), :, 0] for own in _resizing(body, (size,), drawn=drawn).parts
