@@ -32,7 +32,7 @@ from fcdm_opt.geometry.patches import (
     true_faces,
 )
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import onto
+from fcdm_opt.geometry.tessellation import onto, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
@@ -563,6 +563,13 @@ class SizedFaces:
         self._lengths = lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
+        bent = [len(own) > 1 and bool(self.faces.is_round[own].any()) for own in meeting]
+        self._edges = [
+            (rows, np.array([meeting[row] for row in rows]))
+            for count in {*map(len, meeting)}
+            if (rows := [row for row, own in enumerate(meeting) if bent[row] and len(own) == count])
+        ]  # points of edges that bend, and the patches that meet there
+        self._points = points
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
@@ -611,5 +618,9 @@ class SizedFaces:
             else:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))
-        moved = (self._moves @ values)[self._places] / scale
-        return self.faces.moved(patches, self.faces.corners + moved.reshape(-1, 3, 3)), scale
+        moves = self._moves @ values / scale
+        for rows, which in self._edges:  # which their faces leave with the square of the sizes
+            points = self._points[rows] + moves[rows]
+            off = onto_each(points, [own.surface for own in patches], which) - points
+            moves[rows] += np.where(norms(off) <= norms(moves[rows]), 1.0, 0.0)[:, None] * off
+        return self.faces.moved(patches, self.faces.corners + moves[self._places].reshape(-1, 3, 3)), scale
