@@ -150,8 +150,7 @@ def _together(problem: Problem, joints: Sequence[Joint]) -> tuple[Followed, ...]
         feature, flush, parts, seat, site, normal = found[n]
         if k >= len(tracked) and site[0] == E1E2:
             what = "a range follows edges that cross where they give the scale pair, and these do not"
-            allowed = "two contacts of edges at most, in planes that do not go through both seeds"
-            raise InputError(what, key="contacts", found=feature.label, allowed=allowed)
+            raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
             rests = _flush_rests(problem, seat, place)

@@ -563,13 +563,9 @@ class SizedFaces:
         self._lengths = lengths = self.moves._replace(turns=0.0 * self.moves.turns)
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
-        bent = [len(own) > 1 and bool(self.faces.is_round[own].any()) for own in meeting]
-        self._edges = [
-            (rows, np.array([meeting[row] for row in rows]))
-            for count in {*map(len, meeting)}
-            if (rows := [row for row, own in enumerate(meeting) if bent[row] and len(own) == count])
-        ]  # points of edges that bend, and the patches that meet there
-        self._points = points
+        bent = [row for row, own in enumerate(meeting) if len(own) > 1 and self.faces.is_round[own].any()]
+        which = [[*meeting[row], *meeting[row][:1] * len(meeting)][: max(map(len, meeting))] for row in bent]
+        self._bent = bent, points[bent], np.array(which, np.int64)  # edges of round faces, and what meets there
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
@@ -619,8 +615,8 @@ class SizedFaces:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))
         moves = self._moves @ values / scale
-        for rows, which in self._edges:  # which their faces leave with the square of the sizes
-            points = self._points[rows] + moves[rows]
-            off = onto_each(points, [own.surface for own in patches], which) - points
+        rows, drawn, which = self._bent
+        if rows:  # these leave the faces with the square of the sizes
+            off = onto_each(drawn + moves[rows], [own.surface for own in patches], which) - drawn - moves[rows]
             moves[rows] += np.where(norms(off) <= norms(moves[rows]), 1.0, 0.0)[:, None] * off
         return self.faces.moved(patches, self.faces.corners + moves[self._places].reshape(-1, 3, 3)), scale

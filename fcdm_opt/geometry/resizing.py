@@ -214,7 +214,7 @@ def _by_features(body: Body, rule: int) -> Body:
     return _with_faces_moved(body, body.by_features(rule), np.zeros(len(body.faces)))
 
 
-_resizing = lru_cache(maxsize=16)(Resizing.of)
+resizing_of = lru_cache(maxsize=32)(Resizing.of)
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -244,7 +244,7 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     else:
         found = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
     if found is None:
-        found = _with_faces_moved(scaled, _offset(_resizing(scaled, tuple(lengths), drawn=body), values), offsets)
+        found = _with_faces_moved(scaled, _offset(resizing_of(scaled, tuple(lengths), drawn=body), values), offsets)
     return replace(found, drawn=body)
 
 
@@ -410,10 +410,9 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
 def _rate_of_parts(body: Body, drawn: Body, size: Size, point: Array) -> Array:
     """Return how a corner of parts moves with the planes of their facets, of cuts too, (3,); nan where it is none."""
     with suppress(InputError):
-        each = [
-            own.moves[(own.points == point).all(axis=1), :, 0] for own in _resizing(body, (size,), drawn=drawn).parts
-        ]
-        if len(moves := np.concatenate(each)) and np.ptp(moves, axis=0).max() <= DEFAULT.nominal:
+        parts = resizing_of(body, (size,), drawn=drawn).parts
+        moves = np.concatenate([own.moves[(own.points == point).all(axis=1), :, 0] for own in parts])
+        if len(moves) and np.ptp(moves, axis=0).max() <= DEFAULT.nominal:
             return np.asarray(moves[0])
     return np.full(3, np.nan)
 
@@ -442,10 +441,12 @@ def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: S
     offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
     near = faces.at(point, faces.slack)
     is_round = faces.is_round[near].any()
-    if not is_round and facets.faces == drawn.faces:
-        of_parts = _rate_of_parts(body, drawn, size, point)
-        if not np.isnan(of_parts).any():
-            return of_parts
+    if (
+        not is_round
+        and facets.faces == drawn.faces
+        and np.isfinite(own := _rate_of_parts(body, drawn, size, point)).all()
+    ):
+        return own
     alike = len(near) == 1 or is_round
     of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
     if of_drawn is None:
@@ -481,7 +482,7 @@ def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
     scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
     if not lengths:
         return [part.vertices for part in scaled.parts]
-    return _moved_corners(_resizing(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
+    return _moved_corners(resizing_of(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
 
 
 def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[int, Array]]:

@@ -276,10 +276,8 @@ def _value_text(value: Any) -> str:
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
-    predicted = texts.amount_text(answer.predicted_amount)
-    rows += [{**dict.fromkeys(rows[0], ""), "": "predicted", "amount": predicted}] * math.isfinite(
-        answer.predicted_amount
-    )
+    predicted = {"": "predicted", "amount": texts.amount_text(answer.predicted_amount)}
+    rows += [{**dict.fromkeys(rows[0], ""), **predicted}] * math.isfinite(answer.predicted_amount)
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
