@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Self, overload
 import numpy as np
 
 from fcdm_opt.along.conditions import Ray
-from fcdm_opt.along.followed import KINDS, NO_CONTACT, Followed, followed
+from fcdm_opt.along.followed import KINDS, NO_CONTACT, Followed, followed, followed_joints
 from fcdm_opt.along.march import March
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
@@ -268,7 +268,7 @@ def with_contact_closed(problem: Problem) -> Problem:
 def _is_closed(problem: Problem) -> bool:
     """Tell whether the contacts that are followed are closed at the nominal pair."""
     pose, rho = relative_pose(*problem.active, np.eye(4)), problem.nominal_pair
-    gaps = [joint.gap(*problem.active, pose, rho) for joint in problem.chosen_joints]
+    gaps = [joint.gap(*problem.active, pose, rho) for joint in followed_joints(problem)]
     return max(map(abs, gaps)) <= problem.contact_slack if gaps else problem.nominal_contact is not None
 
 
@@ -295,7 +295,7 @@ def moved_contacts(assembly: Assembly, direction: Any) -> dict[str, Problem]:
 def has_contact(problem: Problem) -> bool:
     """Tell whether parts touch so that a range can follow what touches, with sizes as drawn that would open it."""
     closed = with_contact_closed(problem)
-    return bool(closed.contacts) or closed.nominal_contact is not None
+    return bool(followed_joints(closed)) or closed.nominal_contact is not None
 
 
 def _ended(

@@ -16,7 +16,7 @@ import numpy as np
 
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.conditions import CROSSED, FIXED, TURNED, Conditions
-from fcdm_opt.curve.contact import Contact, kind_and_row
+from fcdm_opt.curve.contact import Contact, Joint, kind_and_row
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.flush import Flush, outward_directions
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
@@ -97,12 +97,12 @@ class Followed(NamedTuple):
 
 
 def followed(problem: Problem) -> tuple[Followed, ...]:
-    """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or `contacts`.
+    """Return the features of a problem's nominal contact, two at a switching point, one in a segment; or its joints.
 
-    Raises `InputError` where the nominal pair is not on the decision curve.
+    Raises `InputError` where the parts do not touch at the nominal pair.
     """
-    if problem.contacts:
-        return _together(problem)
+    if joints := followed_joints(problem):
+        return _together(problem, joints)
     contact = problem.nominal_contact
     if contact is None:
         what = TOUCH_BETWEEN if touch_on_true_faces(problem) else NO_CONTACT
@@ -116,17 +116,23 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
     return tuple(_followed(problem, piece, seats, k) for k, piece in enumerate(pieces))
 
 
+def followed_joints(problem: Problem) -> tuple[Joint, ...]:
+    """Return the contacts that are followed together: those chosen, or all where no size changes what touches."""
+    return problem.chosen_joints or (() if problem.nominal_contact else problem.nominal_joints)
+
+
 def touch_on_true_faces(problem: Problem) -> bool:
     """Tell whether the parts touch at their nominal sizes where a round face takes part, wherever its facets are."""
     facets = problem.of_facets
     return bool(contacts_as_drawn(facets.movable, facets.static, facets.nominal_pair, facets.contact_slack))
 
 
-def _together(problem: Problem) -> tuple[Followed, ...]:
-    """Return all contacts that are restored together, those first whose lines give the scale pair: one, or two."""
-    # of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair
+def _together(problem: Problem, joints: Sequence[Joint]) -> tuple[Followed, ...]:
+    """Return all contacts that are followed together, those first whose lines give the scale pair: one, or two."""
+    # of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair; so must all,
+    # at the pair as given, where both seeds lie in every plane of contact: no scale changes what touches there
     seats, found = problem.nominal_seats, list[tuple[Feature, bool, Parts, Flush | None, Site, Array]]()
-    for joint in problem.chosen_joints:
+    for joint in joints:
         own = [seat for seat in seats if joint.feature in (seat.feature, seat.touching)]
         if own:
             found += [(joint.feature, True, seat.parts, seat, seat.site, seat.normal) for seat in own]
@@ -135,14 +141,15 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
             found += [(joint.feature, False, joint.parts, None, tuple(there), normal) for there, normal in every]
     found.sort(key=lambda own: own[4][0] != E1E2)
     lines = np.array([_scales(problem, parts, normal) for _, _, parts, _, _, normal in found])
-    across = np.abs(lines[0, 0] * lines[:, 1] - lines[0, 1] * lines[:, 0])
-    second = int(across.argmax())
-    tracked = [0, second] if across[second] > DEFAULT.nominal else [0]
+    tracked = np.flatnonzero(lines.any(axis=1))[:1].tolist()
+    for first in tracked[:1]:
+        across = np.abs(lines[first, 0] * lines[:, 1] - lines[first, 1] * lines[:, 0])
+        tracked += [int(across.argmax())] if across.max() > DEFAULT.nominal else []
     made = []
     for k, n in enumerate([*tracked, *(n for n in range(len(found)) if n not in tracked)]):
         feature, flush, parts, seat, site, normal = found[n]
         if k >= len(tracked) and site[0] == E1E2:
-            what = "a range follows edges that cross where they give the scale pair, and more such contacts are listed"
+            what = "a range follows edges that cross where they give the scale pair, and these do not"
             raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
         place = k if k < len(tracked) else UNTRACKED + k
         if seat is not None:
@@ -155,11 +162,12 @@ def _together(problem: Problem) -> tuple[Followed, ...]:
 
 
 def _scales(problem: Problem, parts: Parts, normal: Array) -> Array:
-    """Return a and b of a contact line as drawn, of length 1."""
+    """Return a and b of a contact line as drawn, of length 1; zeros where its plane goes through both seeds."""
     one, two = (body.parts[k] for body, k in zip(problem.active, parts, strict=True))
     a, b = ((one.vertices - one.seed) @ normal).max(), ((two.seed - two.vertices) @ normal).max()
     line = np.array([a, b])
-    return line / max(float(np.linalg.norm(line)), np.finfo(float).tiny)
+    length = float(np.linalg.norm(line))
+    return line / length if length > DEFAULT.nominal * problem.size else np.zeros(2)
 
 
 def _is_flush(piece: Piece) -> bool:

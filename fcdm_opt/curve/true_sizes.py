@@ -32,7 +32,7 @@ from fcdm_opt.geometry.patches import (
     true_faces,
 )
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import misses_of_each, onto, onto_crossings
+from fcdm_opt.geometry.tessellation import misses_of_each, onto, onto_crossings, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
@@ -570,6 +570,10 @@ class SizedFaces:
         counts = {len(meeting[k]) for k in smooth}
         groups = ([k for k in smooth if len(meeting[k]) == count] for count in counts)
         self._tangent = [(rows, np.array([meeting[k] for k in rows])) for rows in groups]
+        bent = [row for row, own in enumerate(meeting) if len(own) > 1 and self.faces.is_round[own].any()]
+        bent = [row for row in bent if row not in smooth]
+        which = [[*meeting[row], *meeting[row][:1] * len(meeting)][: max(map(len, meeting))] for row in bent]
+        self._bent = bent, np.array(which, np.int64)  # edges of round faces, and what meets there
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
@@ -618,7 +622,13 @@ class SizedFaces:
             else:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))
-        corners, surfaces = self._points + self._moves @ values / scale, [own.surface for own in patches]
+        moves, surfaces = self._moves @ values / scale, [own.surface for own in patches]
+        rows, which = self._bent
+        if rows:  # these leave the faces with the square of the sizes
+            there = self._points[rows] + moves[rows]
+            off = onto_each(there, surfaces, which) - there
+            moves[rows] += np.where(norms(off) <= norms(moves[rows]), 1.0, 0.0)[:, None] * off
+        corners = self._points + moves
         for rows, met in self._tangent:
             kept = misses_of_each(self._points[rows], [own.surface for own in self.faces.patches], met)[0]
             corners[rows] = onto_crossings(corners[rows], surfaces, met, kept, self._middles, self.faces.slack)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import product
 from operator import itemgetter
 from types import MappingProxyType
@@ -28,7 +27,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.patches import true_faces
-from fcdm_opt.geometry.resizing import Resizing, vertex_rates
+from fcdm_opt.geometry.resizing import resizing_of, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.model.equations import E1E2, F1V2, V1F2, FeaturePoints, feature_points
@@ -300,7 +299,7 @@ def by_contacts(scene: Scene, *, named: bool = True) -> str:
     if scene.partial:
         return "not all parts of the bodies are looked at"
     turning = (own for own in scene.sizes if not own.is_length and own.scale != "xyz")
-    return next((told for own in turning if (told := _resizing(scene.request[own.body], own).inclined())), "")
+    return next((told for own in turning if (told := resizing_of(scene.request[own.body], (own,)).inclined())), "")
 
 
 def relations_of(scene: Scene) -> dict[tuple[str, str], Problem]:
@@ -411,16 +410,11 @@ def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) ->
     if body.is_surface:
         rates = vertex_rates(body, {}, size)
         return None if rates is None else rates[int(np.abs(body.vertices - point).sum(axis=1).argmin())]
-    own = _resizing(body, size).parts[part]
+    own = resizing_of(body, (size,)).parts[part]
     if facet is not None:
         return np.asarray(own.part.normals[facet] * own.offsets[facet, 0])
     moves = own.moves[own.vertices == int(np.abs(own.part.vertices - point).sum(axis=1).argmin()), :, 0]
     return None if np.ptp(moves, axis=0).max() > DEFAULT.nominal else moves[0]
-
-
-@lru_cache(maxsize=32)
-def _resizing(body: Body, size: Size) -> Resizing:
-    return Resizing.of(body, (size,))
 
 
 def _whole(body: Body, part: int) -> int:

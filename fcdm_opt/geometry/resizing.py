@@ -220,7 +220,7 @@ def _by_features(body: Body, rule: int) -> Body:
     return _with_faces_moved(body, body.by_features(rule), np.zeros(len(body.faces)))
 
 
-_resizing = lru_cache(maxsize=16)(Resizing.of)
+resizing_of = lru_cache(maxsize=32)(Resizing.of)
 
 
 def resized(body: Body, made: Mapping[Size, float]) -> Body:
@@ -250,7 +250,7 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     else:
         found = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
     if found is None:
-        found = _with_faces_moved(scaled, _offset(_resizing(scaled, tuple(lengths), drawn=body), values), offsets)
+        found = _with_faces_moved(scaled, _offset(resizing_of(scaled, tuple(lengths), drawn=body), values), offsets)
     return replace(found, drawn=body)
 
 
@@ -404,11 +404,23 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
             scaled, offsets_of_faces(body, tuple(lengths)) @ np.array([*lengths.values()]), size
         )
         if rates is not None:
+            for row in np.flatnonzero(np.isnan(rates).any(axis=1)).tolist():
+                rates[row] = _rate_of_parts(scaled, body, size, scaled.vertices[row])
             return rates
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     found = _corners_moved(moving, np.ones(1)) if kept is None else (kept[0][: len(moving.body.vertices)], {})
     return None if found is None or found[1] else found[0] - moving.body.vertices
+
+
+def _rate_of_parts(body: Body, drawn: Body, size: Size, point: Array) -> Array:
+    """Return how a corner of parts moves with the planes of their facets, of cuts too, (3,); nan where it is none."""
+    with suppress(InputError):
+        parts = resizing_of(body, (size,), drawn=drawn).parts
+        moves = np.concatenate([own.moves[(own.points == point).all(axis=1), :, 0] for own in parts])
+        if len(moves) and np.ptp(moves, axis=0).max() <= DEFAULT.nominal:
+            return np.asarray(moves[0])
+    return np.full(3, np.nan)
 
 
 def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size: Size) -> Array | None:
@@ -428,12 +440,20 @@ def exact_vertex_rates(body: Body, drawn: Body, made: Mapping[Size, float], size
 
 def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: Size, point: Array) -> Array:
     """Return how a point of a body's true faces moves, also of one exact at points, (3,)."""
-    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn
+    # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn;
+    # off round faces a corner of parts goes with the planes of their facets: they may go on beyond the face
     facets = body.of_facets
     faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
     offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
     near = faces.at(point, faces.slack)
-    alike = len(near) == 1 or faces.is_round[near].any()
+    is_round = faces.is_round[near].any()
+    if (
+        not is_round
+        and facets.faces == drawn.faces
+        and np.isfinite(own := _rate_of_parts(body, drawn, size, point)).all()
+    ):
+        return own
+    alike = len(near) == 1 or is_round
     of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
     if of_drawn is None:
         return np.full(3, np.nan)
@@ -468,7 +488,7 @@ def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
     scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
     if not lengths:
         return [part.vertices for part in scaled.parts]
-    return _moved_corners(_resizing(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
+    return _moved_corners(resizing_of(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
 
 
 def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[int, Array]]:

@@ -60,23 +60,20 @@ def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
 
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round."""
-    # points of cuts go with the nearest corner
+    # nan of points of cuts
     moved = _moved_faces(body, offsets)
     places = None if moved is None else _corners_on(moved[1], body, offsets)
     if moved is None or places is None:
         return None
-    moves, around = MovesOfFaces.of(body, (size,)), faces_around(body)
-    rows = np.array([row for row, faces in enumerate(around) if faces])
-    rates = np.zeros_like(places)
-    for row in rows.tolist():
-        faces = sorted(around[row])
-        if not (moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings))):
-            continue
-        looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
-        out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
-        rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
-    for row in set(range(len(rates))).difference(rows.tolist()):
-        rates[row] = rates[rows[norms(body.vertices[rows] - body.vertices[row]).argmin()]]
+    moves, rates = MovesOfFaces.of(body, (size,)), np.zeros_like(places)
+    for row, around in enumerate(faces_around(body)):
+        faces = sorted(around)
+        if not faces:
+            rates[row] = np.nan
+        elif moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings)):
+            looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
+            out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
+            rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
     return rates
 
 

@@ -67,7 +67,7 @@ def print_rows(
     else:
         for (_, head), *rest in (row.items() for row in kept):
             out.print(head, style="bold")
-            for column, cell in rest:
+            for column, cell in ((column, cell) for column, cell in rest if cell):
                 name = column.replace("\n", " ")
                 out.print(f"  {name}: {' '.join(cell.split())}")
     print_lines(notes)

@@ -164,7 +164,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": texts.bound_text(solution),
         "new/old\nsizes": "\n".join(f"{x:.{texts.PLACES}g}" for x in ratio) or "-",
-        "pair made": "-" if solution.status.name == "OUTSIDE_FIT" else solution.pair_state + off,
+        "pair made": _made_state(solution, off),
         'least\n"touch"': texts.amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
     }
@@ -226,7 +226,8 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
         else:
             for key, spans in {made: times.spans, **times.keep_outs}.items():
                 name = key if key == made or " - " in key else f"keep-out {key}"
-                states = [(span, times.state_text(key, span)) for span in spans]
+                seen = spans if at_contact else _near(problem, direction, spans)  # as far as what touches is told
+                states = [(span, times.state_text(key, span)) for span in seen]
                 ends.append(f"{name}: {_spans(problem, direction, states)}")
             low, high = (texts.steps_text(problem, (x * direction).tolist()) for x in times.searched)
             beyond = f"searched from {low} to {high}: what is beyond is not known"
@@ -236,10 +237,15 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
     print_text()
 
 
-def _spans(problem: Problem, direction: Array, spans: Sequence[tuple[StateSpan, str]]) -> str:
+def _near(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> Sequence[StateSpan]:
+    """Return the spans that a mere shift leads through within the size: farther off is another question."""
+    turns = direction[problem.motion.turning].any()
+    far = math.inf if turns else problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)
+    return [span for span in spans if span.high > -far and span.low < far] or spans
+
+
+def _spans(problem: Problem, direction: Array, seen: Sequence[tuple[StateSpan, str]]) -> str:
     """Return how the parts made lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
-    far = problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)  # farther off is another question
-    seen = [(span, state) for span, state in spans if span.high > -far and span.low < far] or list(spans)
     places = [texts.telling(problem, (span.high * direction).tolist()) for span, _ in seen[:-1]]
     ends = [f" up to {texts.steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
     text = ", ".join(f"{state}{end}" for (_, state), end in zip(seen, ends, strict=True))
@@ -270,7 +276,8 @@ def _value_text(value: Any) -> str:
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
-    rows.append({**dict.fromkeys(rows[0], ""), "": "predicted", "amount": texts.amount_text(answer.predicted_amount)})
+    predicted = {"": "predicted", "amount": texts.amount_text(answer.predicted_amount)}
+    rows += [{**dict.fromkeys(rows[0], ""), **predicted}] * math.isfinite(answer.predicted_amount)
     both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
     values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
@@ -345,7 +352,7 @@ def print_comparison(comparison: Comparison) -> None:
             "amount": texts.amount_text(row.amount),
             "proved at least": "" if row.solution is None else texts.bound_line(row.solution),
             "motion": "-" if row.solution is None else texts.motion_text(row.solution, unit=False),
-            "pair made": getattr(row.solution, "pair_state", "") if row.solution and row.solution.status.found else "",
+            "pair made": _made_state(row.solution) if row.solution and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else texts.outcome_text(row.solution),
         }
         for row in comparison.table
@@ -399,13 +406,18 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
     print_rows(rows, numbers=("gap",))
 
 
+def _made_state(solution: Bounded, off: str = "") -> str:
+    """Return the state of the pair made, with how far it is off; "-" after a motion that leaves the fit."""
+    return "-" if solution.status.name == "OUTSIDE_FIT" else getattr(solution, "pair_state", "") + off
+
+
 def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
         "asked": _question_text(solution.question),
         "amount": texts.amount_text(texts.seen_amount(solution)),
         "motion": texts.motion_text(solution, unit=False),
-        "pair made": getattr(solution, "pair_state", ""),
+        "pair made": _made_state(solution),
         "outcome": "does not fit" if mismatched(solution.question) else texts.outcome_text(solution),
     }
 

@@ -588,3 +588,41 @@ def test_what_ends_a_contact_without_any_motion_was_said_twice_to_be_there():
     assert range_texts(found)[1:] == [
         "backwards: no motion at all: the limit of TX", "forwards: move 0.5 along +x; there, the limit of TX",
     ]  # fmt: skip
+
+
+def test_a_contact_in_a_plane_through_both_seeds_ended_nowhere_and_broke_off_beside_other_parts():
+    """A block 2 wide on a floor 6 wide, both seeds in the plane of contact: |TX| < 3 + 1, before a wall 3 - 1.
+
+    No size changes what touches there: there is no decision curve, and the two numbers of its line are 0.
+    """
+    block = fo.Box((2, 2, 1), centre=(0, 0, 0.5), name="block").with_seed((0, 0, 0))
+    floor, wall = fo.Box((6, 6, 1), centre=(0, 0, -0.5)), fo.Box((1, 6, 2), centre=(3.5, 0, 0))
+    for base, high in ((floor.with_seed((0, 0, 0)), 4.0), (fo.joined(floor, wall).with_seed((2, 1, 0)), 2.0)):
+        joined = fo.Assembly(
+            {"base": base, "block": block}, [("block", "base")], motions={"block": fo.Translation("x")}
+        )
+        alone = fo.Problem(block, base, target=(1, 1), goal="touch", motion=fo.Translation("x"))
+        for asked, direction in ((joined, {"block.TX": 1.0}), (alone, None)):
+            found = fo.coherent_range(asked, direction)
+            assert (found.low, found.high) == pytest.approx((-4.0, high), abs=1e-12)
+        lifted = fo.coherent_range(alone.changed(motion=fo.Translation("z")))
+        assert (lifted.low, lifted.high, lifted.last.kind) == (0.0, 0.0, "opens")
+    turned = fo.coherent_range(alone.changed(motion=fo.Rotation("z")))  # its corners, at a radius of root 2, stay clear
+    assert turned.last.kind == "whole turn"
+
+
+def test_a_bar_in_a_slot_was_said_to_overlap_beyond_its_play_where_it_is_clear_once_more_after_half_a_turn(capsys):
+    """A bar 1 wide between walls 1.1 apart and 4 long: their corners, at (2, .55), are on its side at
+
+    .55 cos a - 2 sin a = .5, and at 180 deg less that.
+    """
+    walls = [fo.Box((4, 1, 1), centre=(0, y, 0)) for y in (-1.05, 1.05)]
+    bar, slot = fo.Box((10, 1, 1), name="bar"), fo.joined(*walls, name="slot")
+    asked = fo.Problem(bar, slot, target=(1, 1), goal="touch", motion=fo.Rotation("z"), name="turn", unit="mm")
+    free = math.degrees(math.atan2(0.55, 2.0) - math.asin(0.5 / math.hypot(0.55, 2.0)))
+    print_ranges([(None, fo.contact_times(asked))])
+    told = " ".join(capsys.readouterr().out.split())
+    ends = [f"{x:.4g} deg" for x in (free - 180.0, -free, free, 180.0 - free)]
+    spans = "apart up to RZ {}, overlapping up to RZ {}, apart up to RZ {}, overlapping up to RZ {}, apart beyond"
+    assert spans.format(*ends) in told
+    assert [told.count(f"at RZ {end}, ") for end in ends] == [1, 1, 1, 1]

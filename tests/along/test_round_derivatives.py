@@ -263,3 +263,29 @@ def test_a_peg_with_its_seed_off_its_axis_moves_as_it_turns() -> None:
     peg = fo.Cylinder(8.0, 40.0, base=(0.5, 0.0, -10.0), facets=16, name="pin").with_seed(np.array([0.5, -0.2, 10.0]))
     found = fo.solve(fo.Problem(peg, PLATE, motion=X, goal="touch", target=(1, 1)))
     assert found.sensitivity.motion_by_pose[0, 5] == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize("more", [{}, {"facets": 24}])
+def test_a_flat_of_a_bore_that_goes_on_as_a_cut_had_no_share_in_the_amount(more: dict[str, int]) -> None:
+    """Flats .05 apart as drawn: amount = clearance - .05 - wall + side, with slopes -1 and 1; that by the bore was -0.
+
+    The convex part behind the flat ends at the rim of the hub: its corners there went with those nearest to them.
+    """
+    bore, shaft = (
+        fo.cut(fo.Cylinder(radius, 20, **more), fo.Box((8, 30, 60), centre=(flat + 4, 0, 0)), name="D")
+        for radius, flat in ((4.05, 3.05), (4.0, 3.0))
+    )
+    square = fo.Box((6.1, 4, 60)), fo.Box((6, 3.9, 20), centre=(0, 0, 10))
+    for pocket, movable in ((bore, shaft), square):
+        hub = fo.cut(fo.Cylinder(12, 10, base=(0, 0, 5), **more), pocket, name="hub")
+        sizes = [
+            fo.Size("wall", "movable", faces=[{"through": [3.05, 0, 10]}], each=-1.0, tolerance=0.1),
+            fo.Size("side", "static", faces=[{"through": [3, 0, 10]}], tolerance=0.1),
+        ]
+        made, motion = {"wall": -0.02, "side": 0.02}, fo.Translation("x")
+        asked = fo.Problem(hub, movable, sizes=sizes, made=made, goal="clear", clearance=0.025, motion=motion)
+        found = fo.solve(asked)
+        assert found.amount == pytest.approx(0.015, abs=1e-9)
+        assert found.sensitivity.sizes == pytest.approx({"wall": -1.0, "side": 1.0}, abs=1e-9)
+        changed = fo.whatif(found, made={"wall": -0.019, "side": 0.02})
+        assert [changed.predicted_amount, changed.after.amount] == pytest.approx([0.014, 0.014], abs=1e-9)

@@ -22,6 +22,8 @@ from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
+from fcdm_opt.show.printing import print_rows
+from fcdm_opt.show.tables import print_whatif
 from fcdm_opt.solver import solve
 
 EXACT = 1e-11  # of closed forms, relative to the size
@@ -324,6 +326,30 @@ def test_what_if_a_block_that_does_not_fit_were_smaller() -> None:
     assert math.isnan(found.predicted_amount)
     assert found.after.amount == pytest.approx(0.0)
     assert "not predicted" in str(found)
+
+
+def test_an_amount_was_predicted_from_a_motion_that_takes_a_block_out_of_its_slot(capsys: Any) -> None:
+    """A block .05 too high for a slot 30 long leaves it endwise: "predicted 30" for one that fits."""
+    slot = fo.cut(fo.Box((30, 30, 20)), fo.Box((10, 40, 10)))
+    block, height = fo.Box((9, 30, 9.9)), fo.Size("height", "movable", faces="+z", tolerance=0.2)
+    shifts = fo.Translation("y") >> fo.Translation("z")
+    asked = fo.Problem(block, slot, sizes=[height], made={"height": 0.15}, goal="clear", motion=shifts)
+    found = fo.whatif(asked, made={"height": 0.05})
+    assert found.before.status is fo.Status.OUTSIDE_FIT
+    assert found.after.amount == pytest.approx(0.0)
+    assert math.isnan(found.predicted_amount)
+    assert found.prediction.reasons == ("the motion found before is not to be used",)
+    print_whatif(found)
+    before, after, *notes = capsys.readouterr().out.splitlines()[2:]
+    assert before.split()[-6:] == ["-", "-", "-", "does", "not", "fit"]
+    assert "touching" not in before
+    assert "verified" in after
+    assert not [line for line in notes if line.startswith("predicted ")]
+
+
+def test_a_table_too_wide_for_the_page_had_cells_without_anything(capsys: Any) -> None:
+    print_rows([{"": "predicted", "asked": "", "amount": "0.2", "motion": ""}, {"": "before", "asked": 999 * "x "}])
+    assert capsys.readouterr().out.splitlines()[:3] == ["predicted", "  amount: 0.2", "before"]
 
 
 def test_a_change_that_changes_nothing_is_said_to() -> None:

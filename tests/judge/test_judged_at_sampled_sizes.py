@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
+from fcdm_opt.curve.true_sizes import SizedFaces
 
 
 def block(low, high, name):
@@ -236,3 +237,33 @@ def test_commands_say_that_they_judged(tmp_path):
     asked = ["pose", "problems/example1_touch.toml", "--case", "A", "--clearance", "0,inf", "--json"]
     result = CliRunner().invoke(app, asked)
     assert json.loads(result.stdout)["files"][0]["cases"][0]["best_pose"]["certificate"]["passed"], result.output
+
+
+@pytest.mark.parametrize("more", [{}, {"facets": 24}])
+def test_the_edge_of_a_flat_left_its_cylinder_with_the_square_of_the_sizes(more):
+    """A D-shaft in a D-bore, flats .05 apart as drawn: .01 to .09 between these, .05 to .075 between the cylinders.
+
+    The flat ends where it meets the cylinder, at a radius of 4 - .01: faces as made ended 2e-4 outside of it, so that
+    the judge found points of the cylinder before the flat, and refused what was right to the last digit.
+    """
+    bore, shaft = (
+        fo.cut(fo.Cylinder(radius, 20, **more), fo.Box((8, 30, 60), centre=(flat + 4, 0, 0)), name="D")
+        for radius, flat in ((4.05, 3.05), (4.0, 3.0))
+    )
+    hub = fo.cut(fo.Cylinder(12, 10, base=(0, 0, 5), **more), bore, name="hub")
+    sizes = [
+        fo.Size("bore", "movable", faces="bore radius 4.05", each=-0.5, tolerance=(0.0, 0.03)),
+        fo.Size("wall", "movable", faces=[{"through": [3.05, 0, 10]}], each=-1.0, tolerance=0.02),
+        fo.Size("shaft", "static", faces="cylinder radius 4", each=0.5, tolerance=(-0.02, 0.0)),
+        fo.Size("side", "static", faces=[{"through": [3, 0, 10]}], tolerance=0.02),
+    ]
+    asked = fo.Problem(hub, shaft, sizes=sizes, goal="clear", motion=fo.Translation("x"))
+    claims = fo.stack_up(asked).claims()
+    assert [claims.least[0], claims.largest[0]] == pytest.approx([0.01, 0.075], abs=1e-12)
+    checks = {check.name: check for check in claims.checks()}
+    assert all(check.passed for check in checks.values())
+    assert checks["gap at sampled sizes"].value < 1e-12
+    made, _ = SizedFaces.of(shaft, "static", sizes).at(np.array([0.0, 0.0, -0.02, 0.02]))
+    ends = made.corners[made.corners[:, :, 0] > 3.0]
+    assert np.hypot(*ends[:, :2].T) == pytest.approx(3.99, abs=1e-12)
+    assert ends[:, 0] == pytest.approx(3.02, abs=1e-12)

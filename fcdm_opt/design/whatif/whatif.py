@@ -58,6 +58,9 @@ Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason
 def prediction(before: Any, problem: Any) -> Prediction:
     """Return the amount of a changed question, `problem`, to first order."""
     # right to second order in the changes while the same constraints hold the motion
+    if not before.usable:
+        why = "the motion found before is not to be used" if before.status.found else "no motion was found"
+        return Prediction(amount=NAN, reasons=(why,))
     several = isinstance(before, AssemblySolution)
     discrete = [] if several else [*_discrete(before.question, problem)]
     told = discrete
