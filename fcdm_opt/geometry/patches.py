@@ -237,8 +237,8 @@ class TrueFaces:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
         beyond = self.beyond_chords(plane, hole, corners.reshape(-1, 3), near)
-        whole: Flags = beyond.reshape(*corners.shape[:2], beyond.shape[1]).all(axis=1)
-        return whole.any(axis=1)
+        whole = np.all(beyond.reshape(*corners.shape[:2], beyond.shape[1]), axis=1)
+        return np.asarray(np.any(whole, axis=1))
 
     def beyond_chords(self, plane: int, other: int, points: Array, near: float | Array) -> Flags:
         """Tell which points of a plane, (n, 3), are between which chord of a rim and the rim, or near that, (n, m)."""
