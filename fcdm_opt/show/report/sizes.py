@@ -27,7 +27,7 @@ from fcdm_opt.show.stacks import (
 from fcdm_opt.show.texts import NONE, listed, number, shown
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
-FEW, MOST = 4, 8  # stack-ups of an assembly that are told one by one, and contacts that are looked at for them
+FEW = 4  # stack-ups of an assembly that are told one by one
 SQUARED, SHARED = "Root sum square, ± 3 sigma", "99.73 % of pairs drawn"
 PLACES = 6
 
@@ -78,12 +78,11 @@ def beyond_stack(scene: Scene) -> str:
 
 
 def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
-    """Return the stack-up of each contact that sizes open, where there are few, or why there is none."""
-    contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
-    numbered = enumerate(contacts, 1)
-    each = [stack_report(assembly, of=(own.one, own.two), name=f"{name}-{k}") or {} for k, own in numbered]
+    """Return the stack-up of each contact of goal "clear", where there are few; else as `stack_up` has one of itself."""
+    pairs = assembly.kept_clear if len(assembly.kept_clear) <= FEW else ()
+    each = [stack_report(assembly, of=own, name=f"{name}-{k}") or {} for k, own in enumerate(pairs, 1)]
     opened = [own for own in each if any(share["worst"] for share in own.get("shares", ())) and not own["is_closed"]]
-    return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly, name=name)])]
+    return opened or [*filter(None, [stack_report(assembly, name=name)])]
 
 
 def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str = "stack") -> dict[str, Any] | None:
@@ -122,7 +121,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         notes.append(f"worst cases of the true parts are from {low} to {high}")
     return {
         "unit": scene.unit,
-        "of": " and ".join(of or ()),
+        "of": " and ".join(found.parts),
         "is_closed": bool(found.standing) and gaps[0] > 0.0,  # at all sizes; all that they move stays apart
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
@@ -131,7 +130,8 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         ],
         "spread": {"what": what, "ends": ends},
         "yield": {"what": f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
-                  "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"},
+                  "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"}
+                 if np.isfinite(found.limits).any() else None,
         "chart": inline_svg(gap_figure(found, drawn), name),
         "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
