@@ -137,10 +137,7 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
-    """Print worst case, statistics, the share within limits where there are any and it was drawn, what adds to it, rows.
-
-    Of an assembly with the two parts that the gap is of.
-    """
+    """Print which gap it is, worst case, statistics, the share within limits, contributions, rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
     noise = noise_of(stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]

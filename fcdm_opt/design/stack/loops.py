@@ -43,7 +43,7 @@ class Loop:
     closed: tuple[GapClaims, ...] = ()
     weighted: tuple[str, ...] = ()
     sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
-    parts: tuple[str, ...] = ()  # of an assembly, the two by name
+    parts: tuple[str, str] = ("", "")  # of an assembly, the two by name
     is_restored: bool = False  # whether motions close the gap, whatever it is at rest
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
@@ -84,8 +84,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
 
     The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
     names, by default those of the only contact of goal "clear", or without one those of the only contact that sizes
-    open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError` where motions turn, where contacts cannot all be closed within
-    the tolerances, and for parts that are none.
+    open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError` where
+    motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     check_sizes(assembly.sizes)
     if not assembly.shifts:

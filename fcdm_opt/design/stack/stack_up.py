@@ -229,7 +229,7 @@ class StackUp:
     @property
     def parts(self) -> tuple[str, ...]:
         """The two parts of an assembly that the gap is of, by name; () of a problem of two parts."""
-        return () if self.loop is None else self.loop.parts
+        return () if self.loop is None else (*filter(None, self.loop.parts),)
 
     @property
     def on_true_faces(self) -> bool:
@@ -523,5 +523,5 @@ def stack_up(
         raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
     at = rigid_transform(pose)
     found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
-    touching, loop = (found, None) if isinstance(found, TouchingSizes) else (found.touching, found)
-    return StackUp(touching, given or (problem.clearance, np.inf), problem.unit, loop, keep_out)
+    rows = (found, None) if isinstance(found, TouchingSizes) else (found.touching, found)
+    return StackUp(rows[0], given or (problem.clearance, np.inf), problem.unit, rows[1], keep_out)

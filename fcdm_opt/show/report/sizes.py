@@ -78,7 +78,7 @@ def beyond_stack(scene: Scene) -> str:
 
 
 def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
-    """Return the stack-up of each contact of goal "clear", where there are few; else as `stack_up` has one of itself."""
+    """Return the stack-up of each contact of goal "clear", of few; else the one that `stack_up` takes."""
     pairs = assembly.kept_clear if len(assembly.kept_clear) <= FEW else ()
     each = [stack_report(assembly, of=own, name=f"{name}-{k}") or {} for k, own in enumerate(pairs, 1)]
     opened = [own for own in each if any(share["worst"] for share in own.get("shares", ())) and not own["is_closed"]]
