@@ -94,7 +94,10 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if solution.status.name == "OUTSIDE_FIT":
         from fcdm_opt.problem.fit import verdict
 
-        what = "does not fit: the only motions found take a part out of the place it is drawn in"
+        place = "the place it is drawn in"
+        what = f"does not fit: the only motions found take a part out of {place}"
+        if texts.outcome_text(solution) == texts.NOT_MET:
+            what = f"fits, {texts.NOT_MET}: no such motions leave it with each part in {place}"
         return "; ".join(filter(None, (verdict(assembly) or what, barring(assembly))))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -68,8 +68,7 @@ def _refused_text(solution: Solution) -> str:
         return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
         why = barring(problem) or solution.reason
-        asked = problem.goal == "clear" and problem.clearance > 0.0
-        more = _without_clearance(problem, why) if asked else ""
+        more = _without_clearance(problem, why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         return more or f"does not fit: the only motion found {where}" + f"; {why}" * bool(why)
@@ -83,35 +82,31 @@ def _refused_text(solution: Solution) -> str:
     return f"{REFUSED[solution.status.name]}{why}"
 
 
-def _solved(scene: Scene, **changes: Any) -> Any:
-    """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
-    from fcdm_opt.solver import solve
-
-    found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
-    return found if found is not None and found.usable else None
-
-
 @lru_cache(maxsize=4)
 def barring(scene: Scene) -> str:
     """Return which keep-outs are in the way of a scene, in words: without one, or all, it is solved; else ""."""
+    from fcdm_opt.design.whatif.fitting import usable_answer
+
     every = scene.keep_out
-    if not every or _solved(scene, keep_out=()) is None:
+    if not every or usable_answer(scene, keep_out=()) is None:
         return ""
     others = {own.name: [other for other in every if other is not own] for own in every if len(every) > 1}
-    single = [name for name, kept in others.items() if _solved(scene, keep_out=kept) is not None]
+    single = [name for name, kept in others.items() if usable_answer(scene, keep_out=kept) is not None]
     names = [f"keep-out {name}" for name in single or [own.name for own in every]]
     return f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
 
 
 def _without_clearance(problem: Problem, why: str) -> str:
     """Return that parts fit without a clearance, with why not with one; "" where they do not."""
-    bare = _solved(problem, clearance=0.0)
+    from fcdm_opt.design.whatif.fitting import without_clearance
+
+    bare = without_clearance(problem)
     if bare is None:
         return ""
     contact = contact_text(bare.problem, bare.features, bare.transform)
-    closed = f": without one, {contact}" if contact and bare.pair_state == "touching" else ""
-    asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
-    return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
+    closed = f"; without one, {contact}" if contact and bare.pair_state == "touching" else ""
+    asked = f"no such motion leaves {length_text(problem, problem.clearance)}"
+    return f"fits, {texts.NOT_MET}: {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
 
 
 def answer_text(solution: Solution) -> str:
@@ -216,13 +211,19 @@ def motion_said(solution: Solution) -> str:
 
 def refusal_text(solution: Bounded) -> str:
     """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
-    from fcdm_opt.problem.fit import verdict
-
     judged = solution.certificate is None or solution.certificate.passed
     if solution.status.found and solution.status.name not in ("OUTSIDE_FIT", "NOT_VERIFIED") and judged:
         return ""
-    tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
-    return f"{'does not fit' if tight else texts.outcome_text(solution)}: parts as made, not moved"
+    return f"{barred_text(solution)}: parts as made, not moved"
+
+
+def barred_text(solution: Bounded) -> str:
+    """Return how a solve without a motion to use ended: "does not fit", "clearance not met"."""
+    from fcdm_opt.problem.fit import verdict
+
+    told = texts.outcome_text(solution)
+    tight = told == texts.WORDS["OUTSIDE_FIT"] or verdict(solution.question)
+    return "does not fit" if tight else told
 
 
 def instruction(solution: Solution) -> str:

@@ -16,11 +16,23 @@ import trimesh
 from manifold3d import Manifold
 
 import fcdm_opt as fo
+from fcdm_opt.design.whatif import fitting
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show import verdict
+from fcdm_opt.show.assemblies import assembly_verdict
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.tables import verdict_cell
 from fcdm_opt.show.texts import advised, parameter_texts, telling
-from fcdm_opt.show.verdict import answer_text, fit_text, labels_in_words, motion_said, verdict_text
+from fcdm_opt.show.verdict import (
+    _without_clearance,
+    answer_text,
+    barred_text,
+    fit_text,
+    labels_in_words,
+    motion_said,
+    refusal_text,
+    verdict_text,
+)
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -285,7 +297,7 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     asked = fo.Problem(peg, plate, target=(1, 1), motion=fo.Translation("x"), keep_out=stops, unit="mm", **given)
     words = "in the way: keep-out stop, without which there is a motion"
     told = verdict_text(fo.solve(asked))
-    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in: ")
+    assert told.startswith("fits, clearance not met: no such motion leaves 0.15 mm in the place it is drawn in; ")
     assert told.endswith(words)
     joined = {"parts": ("peg", "plate"), **given}
     both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)
@@ -329,10 +341,25 @@ def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit
     rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 10), name="rail"), fo.Box((80, 10.1, 20), centre=(0, 0, 15)))
     slide = fo.Box((40, 10, 25), centre=(0, 0, 17.5), name="slide")
     problem = fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
-    told = str(fo.solve(problem))
+    solution = fo.solve(problem)
+    told = str(solution)
     assert told.startswith(
-        "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in: without one, its bottom"
+        "fits, clearance not met: no such motion leaves 0.02 in the place it is drawn in; without one, its bottom"
     )
+    assert told.count("clearance not met") == 2  # verdict and row: "outside the fit" contradicts "fits"
+    assert refusal_text(solution) == "clearance not met: parts as made, not moved"
+    assert (verdict_cell(solution), barred_text(solution)) == ("clearance\nnot met", "clearance not met")
+    assert "no: clearance not met" in solution._repr_html_()
+    up = "Allow a shift along +z, which opens the contact that stays closed"  # 0.05 to either wall stays
+    assert advised(SolvedCase(solution)) == f"{up}."
+    wide = fo.solve(problem.changed(clearance=0.08))
+    assert advised(SolvedCase(wide)) == f"{up}, and choose a smaller clearance, at most 0.05."
+    lifted = fo.solve(problem.changed(clearance=0.08, motion=problem.motion >> fo.Translation("z")))
+    assert advised(SolvedCase(lifted)) == "Choose a smaller clearance, at most 0.05."
+    between = {"parts": ("slide", "rail"), "goal": "clear", "clearance": 0.02}
+    both = fo.solve(fo.Assembly([slide, rail], [between], motions={"slide": fo.Translation("y")}))
+    assert assembly_verdict(both).startswith("fits, clearance not met: no such motions leave it")
+    assert (verdict_cell(both), barred_text(both)) == ("clearance\nnot met", "clearance not met")
 
 
 def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_other_bodies(
@@ -345,8 +372,8 @@ def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_
     slide = fo.joined(fo.Box((40, 10, 25), centre=(0, 0, 17.5)), *pins)
     bare = fo.solve(fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear"))
     asked = fo.Problem(pin, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
-    monkeypatch.setattr(verdict, "_solved", lambda *_, **__: bare)
-    told = verdict._without_clearance(asked, "")
+    monkeypatch.setattr(fitting, "without_clearance", lambda _: bare)
+    told = _without_clearance(asked, "")
     assert told.endswith("and its bottom face (facing -z) lies on face 8 (facing +z) of rail")
 
 

@@ -28,7 +28,7 @@ from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.verdict import fit_text, name_of, refusal_text, verdict_text
+from fcdm_opt.show.verdict import barred_text, fit_text, name_of, refusal_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
@@ -73,11 +73,11 @@ def answered(solution: Solution) -> dict[str, Any]:
     verdict = verdict_text(solution)
     return {
         "status": solution.status.name,
-        "outside": solution.status.name == "OUTSIDE_FIT",
+        "outside": texts.outcome_text(solution) * (solution.status.name == "OUTSIDE_FIT"),
         "motion": texts.motion_text(solution) if texts.seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
         "outcome": "does not fit" if misfit(solution.problem) else texts.outcome_text(solution),
-        "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
+        "barred": barred_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": texts.shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},

@@ -24,7 +24,7 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_reports
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.verdict import length_text, refusal_text
+from fcdm_opt.show.verdict import barred_text, length_text, refusal_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -163,8 +163,8 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
         "picture": picture_of(pieces, name),
         "stacks": stack_reports(assembly, f"{name}-stack"),
         "moved": solution.usable and any(map(any, texts.values_by_part(solution).values())),
-        "outside": solution.status.name == "OUTSIDE_FIT",
-        "barred": "does not fit",
+        "outside": texts.outcome_text(solution) * (solution.status.name == "OUTSIDE_FIT"),
+        "barred": barred_text(solution),
         "outcome": texts.outcome_text(solution),
         "motion": motion if (motion := texts.motion_text(solution)) != "-" else "none",
         "amount": texts.seen_amount(solution) if solution.status.found else None,
