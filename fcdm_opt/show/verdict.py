@@ -222,8 +222,8 @@ def barred_text(solution: Bounded) -> str:
     from fcdm_opt.problem.fit import verdict
 
     told = texts.outcome_text(solution)
-    tight = told == texts.WORDS["OUTSIDE_FIT"] or verdict(solution.question)
-    return "does not fit" if tight else told
+    tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
+    return "does not fit" if tight and told != texts.NOT_MET else told
 
 
 def instruction(solution: Solution) -> str:
