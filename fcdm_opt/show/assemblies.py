@@ -33,7 +33,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
     if not isinstance(rows[0].solution, AssemblySolution):  # a file is of one kind
         return print_solutions(rows)
     for row in rows:
-        print_text(str(row.solution), indent="   ")
+        print_text(f"{row.solution.question.name}: {assembly_verdict(row.solution)}", indent="   ")
     print_rows([cells for row in rows for cells in _cells(row.solution)], numbers=NUMBERS, optional=("weight",))
     for row in rows:
         solution, name = row.solution, row.solution.assembly.name

@@ -19,7 +19,8 @@ import fcdm_opt as fo
 from fcdm_opt.design.whatif import fitting
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
-from fcdm_opt.show.assemblies import assembly_verdict
+from fcdm_opt.show.assemblies import assembly_verdict, print_answers
+from fcdm_opt.show.printing import printed
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import verdict_cell
 from fcdm_opt.show.texts import advised, parameter_texts, telling
@@ -306,6 +307,25 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     assert str(tight).endswith(f"choose another motion. I{words[1:]}.")
     free = fo.solve(both.changed(keep_out=stops[1:]))
     assert str(free).startswith("move peg 0.15 along +x: then every contact is kept apart as asked; ")
+
+
+def test_a_keep_out_was_said_to_overlap_without_the_part_that_does() -> None:
+    """Two blocks of 4 on each other, the lower made 0.2 taller: 0.05 of the upper one is then in the stop at 8.15."""
+    boxes = [fo.Box((9, 9, 2), centre=(0, 0, -1), name="base")]
+    boxes += [fo.Box((4, 4, 4), centre=(0, 0, 4 * k + 2), name=name) for k, name in enumerate(("lower", "upper"))]
+    stop = fo.KeepOut(fo.Box((9, 9, 2), centre=(0, 0, 9.15), name="stop"))
+    height = fo.Size("height", "lower", faces="+z", tolerance=0.3)
+    motions = dict.fromkeys(("lower", "upper"), fo.Translation("z"))
+    pairs = [("lower", "base"), ("upper", "lower")]
+    asked = fo.Assembly(boxes, pairs, [height], motions, made={"height": 0.2}, keep_out=[stop], unit="mm")
+    solution = fo.solve(asked)
+    assert "upper and keep-out 'stop' overlap by 0.05 mm" in str(solution)
+    met = fo.solve(asked.changed(keep_out=[], name="taller"))
+    told = printed(print_answers, [SolvedCase(met)])
+    assert "asked amount" not in " ".join(told.split())  # which the table has
+    assert told.startswith(
+        "taller: move upper 0.2 mm along +z relative to lower, which carries it: then every contact is"
+    )
 
 
 def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:
