@@ -79,7 +79,7 @@ def sizes_as_drawn(scene: Scene) -> list[str]:
         return []
     names = listed([size.name for size in scene.sizes])
     asked = 'a case with made = "worst", or with target = [1.0, 1.0], asks about them'
-    return [f"requirement {corner} makes whole parts larger or smaller, and leaves sizes as drawn ({names}): {asked}"]
+    return [f"a requirement makes whole parts larger or smaller, and leaves sizes as drawn ({names}): {asked}"]
 
 
 def _frames(solution: Solution) -> list[str]:

@@ -775,6 +775,18 @@ def test_a_goal_to_be_clear_is_told_with_its_clearance():
     assert gathered(*LID)["cases"][0]["wanted"] == "seat"
 
 
+def test_what_matters_most_was_told_beyond_where_its_rate_holds():
+    """A block .03 in a wall that may be .12 farther: the amount falls by .03, not by .12; of scales it is "about"."""
+    block = fo.Box((10, 8, 6), centre=(0.03, 0, 3), name="block")
+    wall = fo.Box((4, 20, 20), centre=(7, 0, 3), name="wall")
+    place = fo.Size("place", "static", faces="-x", each=-1.0, tolerance=0.12)
+    problem = fo.Problem(block, wall, sizes=[place], goal="clear", motion=fo.Translation("x"), target=(1, 1))
+    most = _sensitivities(fo.solve(problem))["most"]
+    assert (most["name"], most["unit"], most["value"]) == ("place of wall", "+0.12", pytest.approx(-0.03))
+    assert not most["about"]
+    assert _sensitivities(fo.solve(problem.changed(sizes=[])))["most"]["about"]
+
+
 def test_what_matters_most_is_a_size():
     (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
     most = case["sensitivities"]["most"]

@@ -132,7 +132,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True, "covers": f"yes {text}"},
         "sensitivities": {
             "text": f"derivatives {text}",
-            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
+            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "about": True, "note": f"of {text}"},
             "bars": [
                 {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
                 {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.sizes import beyond_tolerances
+from fcdm_opt.design.whatif.fitting import usable_answer
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import drawn, finite
@@ -26,7 +28,7 @@ from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.report.sizes import beyond_stack, size_rows, stack_report
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
+from fcdm_opt.show.sensitivities import BY_NAME, HALF, WHOLE, Bar, bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.verdict import barred_text, fit_text, name_of, refusal_text, verdict_text
 from fcdm_opt.tolerances import DEFAULT
@@ -177,7 +179,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     every = bars(derivatives, solution.problem)
     known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
     sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
-    most = max((bar for bar in sizes if bar.value), key=lambda bar: abs(bar.value), default=None)
+    most = _most([bar for bar in sizes if bar.value], solution)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
@@ -187,7 +189,22 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if none:
         names = texts.listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
         text += f"; no derivative by {names}"
-    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most and finite(most._asdict())}
+    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most}
+
+
+def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
+    """Return the bar of the size that changes the amount most, with what its step does where that can be solved.
+
+    Else to first order, "about", and no further than an amount of 0: another contact may take over before.
+    """
+    if not sizes:
+        return None
+    most, problem = max(sizes, key=lambda bar: abs(bar.value)), solution.problem
+    named = {f"{own.name} of {name_of(problem, own.body == 'static')}": own for own in problem.sizes}
+    size, made = named.get(most.name) if most.note == HALF else None, problem.made or {}
+    stepped = size and usable_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
+    value = stepped.amount - solution.amount if stepped else max(most.value, -solution.amount)
+    return {**finite(most._asdict()), "value": finite(value), "about": not stepped}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
