@@ -124,7 +124,7 @@ def _contacts(solution: Solution) -> list[str]:
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(gap, unit, 4)}" if gap > problem.contact_slack else "closed"
         if numbered:
-            named = feature.told(problem.movable, problem.static)
+            named = feature.in_words(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
         return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]

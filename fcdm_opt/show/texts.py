@@ -326,9 +326,8 @@ def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
         told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"median {middle}"))
     if (share := result.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told.append((f"yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
+        within = f"yield within {measured(f'{share.budget:g}', result.unit)}"
+        told.append((within, f"{share.share:.2%}", share.sure_text))
     if result.seconds:
         parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
         told.append(("working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))

@@ -217,6 +217,7 @@ def study_page(result: StudyResult) -> str:
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
     words = COLUMNS | {name: f"{text} ({result.unit or 'length units'})" for name, text in LENGTHS.items()}
     words |= {name: axis_text(name) for name in varied if name not in COLUMNS}
+    words |= {name: f"{name} (radians)" for name in result.angles}
     return whole_page(
         "study.html",
         scripts=("study.js",),
