@@ -10,13 +10,13 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
-from fcdm_opt.problem.fit import mismatched
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import texts
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.verdict import (
+    barred_text,
     contact_text,
     fit_text,
     held_text,
@@ -409,7 +409,7 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
         "amount": texts.amount_text(texts.seen_amount(solution)),
         "motion": texts.motion_text(solution, unit=False),
         "pair made": getattr(solution, "pair_state", ""),
-        "outcome": "does not fit" if mismatched(solution.question) else texts.outcome_text(solution),
+        "outcome": barred_text(solution),
     }
 
 

@@ -221,9 +221,8 @@ def barred_text(solution: Bounded) -> str:
     """Return how a solve without a motion to use ended: "does not fit", "clearance not met"."""
     from fcdm_opt.problem.fit import verdict
 
-    told = texts.outcome_text(solution)
-    tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
-    return "does not fit" if tight and told != texts.NOT_MET else told
+    outcome, outside = texts.outcome_text(solution), solution.status.name == "OUTSIDE_FIT"
+    return "does not fit" if outcome != texts.NOT_MET and (outside or verdict(solution.question)) else outcome
 
 
 def instruction(solution: Solution) -> str:

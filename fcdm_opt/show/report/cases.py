@@ -16,7 +16,7 @@ from fcdm_opt.geometry.units import floored, measured
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.evidence import Evidence
-from fcdm_opt.problem.fit import drawn_bodies, misfit
+from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import in_scheme, inline_svg, texts
@@ -36,7 +36,7 @@ from fcdm_opt.tolerances import DEFAULT
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ANSWERED = (
-    "status", "outside", "barred", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
+    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
     "doubt", "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
@@ -78,8 +78,7 @@ def answered(solution: Solution) -> dict[str, Any]:
         "outside": texts.outcome_text(solution) * (solution.status.name == "OUTSIDE_FIT"),
         "motion": texts.motion_text(solution) if texts.seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
-        "outcome": "does not fit" if misfit(solution.problem) else texts.outcome_text(solution),
-        "barred": barred_text(solution),
+        "outcome": barred_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": texts.shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
