@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -97,7 +98,7 @@ RESULTS = "Write results and pictures into this folder."
 Jobs = Annotated[int | None, option("--jobs", "N", "Processes; default: one a core.", min=1)]
 MEASURED = "Measured parts, of [[size]] tables their deviations; default: the tolerance box."
 Sizes = Annotated[Path | None, option("--sizes", "CSV", MEASURED)]
-OF_PARTS = "Its columns with the movable and the static part's sizes."
+OF_PARTS = "Its columns with these sizes. Default: named as these, of both scales rho_1,rho_2."
 Columns = Annotated[common.Text, option("--columns", "A,B", OF_PARTS, check=common.names)]
 DIVIDED = "What these columns are divided by: the sizes as drawn. Default: 1."
 Nominals = Annotated[str | None, option("--nominals", "X,Y", DIVIDED)]
@@ -242,7 +243,7 @@ def map_command(
     over: Annotated[common.Text, option("--over", "SIZE,...", OVER, check=common.names)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
-    columns: Columns = "rho_1,rho_2",
+    columns: Columns = None,
     nominals: Nominals = None,
     seed: common.Seed = 1,
     jobs: Jobs = None,
@@ -254,7 +255,6 @@ def map_command(
     The sizes are the scales of both parts, or one to six [[size]] tables of the file, of an assembly too, or scales of
     its parts. The grid, one across and all others down, is written as CSV and as a page to print.
     """
-    pairs = _pairs(sizes, columns, nominals, deviations=True)
     given = {"over": "--over" * (over is not None), "box": "--box" * (box is not None)}
 
     def looked_at(file: Any) -> None:
@@ -270,7 +270,7 @@ def map_command(
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, first=looked_at)
     from fcdm_opt.design.compensation.assembly_yield import assembly_yield
     from fcdm_opt.design.compensation.compensation_map import compensation_map
-    from fcdm_opt.design.sizes import chosen_sizes, sources
+    from fcdm_opt.design.sizes import chosen_sizes
     from fcdm_opt.show import tables
     from fcdm_opt.show.grids import write_grids
     from fcdm_opt.show.maps import map_figure, yield_figure
@@ -278,10 +278,9 @@ def map_command(
     pictures, each = inquiry.pictures, seconds / max(inquiry.count, 1)
 
     def asked(file: OpenedFile, problem: Scene) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
-        if pairs is not None:  # refused before a map is made
-            with common.named(**given):
-                names = chosen_sizes(problem, over=over)
-            sources(pairs, positive=[name in problem.nominal_scales for name in names])
+        with common.named(**given):
+            names = () if sizes is None else chosen_sizes(problem, over=over)
+        pairs = _measured(problem, names, sizes, columns, nominals)  # refused before a map is made
         spent = min(each, max(pacing.left(), LEAST))
         with pacing.unlimited(), common.named(**given):  # it has its own limit
             found = compensation_map(problem, over=over, box=box, error=error, seconds=spent, jobs=jobs or 1)
@@ -309,7 +308,7 @@ def pose_command(
     window: Annotated[common.Text, option("--clearance", "LO,HI", WINDOW, check=_window)] = None,
     box: SizeBox = None,
     sizes: Sizes = None,
-    columns: Columns = "rho_1,rho_2",
+    columns: Columns = None,
     nominals: Nominals = None,
     time: common.Time = None,
     as_json: common.AsJson = False,
@@ -318,18 +317,25 @@ def pose_command(
     """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
-    pairs = _pairs(sizes, columns, nominals)
     if box is not None:
         from fcdm_opt.design.sizes import size_box
 
         with common.named(box="--box"):  # of an assembly one range, of all its parts
             size_box(box, "box", positive=[True] * (1 + isinstance(box[0], tuple)))
     inquiry = Inquiry(files, case, as_json=as_json)
+    from fcdm_opt.design.distributions import Measured
     from fcdm_opt.design.fixed_pose.best_pose import ONLY_CLEAR, best_pose
     from fcdm_opt.design.fixed_pose.clearances import clearances
+    from fcdm_opt.design.sizes import by_name
     from fcdm_opt.show import tables
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
+        own = {size.name: size for size in problem.sizes} if by_name(problem) else {}
+        pairs = _measured(problem, [*(own or problem.nominal_scales)], sizes, columns, nominals)
+        if own and pairs is not None:  # of these all within what was measured
+            ends = zip(own.values(), pairs.min(axis=0).tolist(), pairs.max(axis=0).tolist(), pairs.T, strict=True)
+            within = [replace(size, tolerance=(low, high), distribution=Measured(x)) for size, low, high, x in ends]
+            problem, pairs = problem.changed(sizes=within), None
         with common.named(
             sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)
         ):
@@ -524,12 +530,19 @@ def _changed(path: Path, name: str, values: dict[str, Any]) -> tuple[Scene, Scen
     return question.problem(), question.changed(values).problem()
 
 
-def _pairs(path: Path | None, columns: Sequence[str], nominals: str | None, *, deviations: bool = False) -> Any:
-    """Return measured sizes, (n, k), as shares of those drawn; None where there is no file of them."""
+def _measured(
+    problem: Scene, names: Sequence[str], path: Path | None, columns: Sequence[str] | None, nominals: str | None
+) -> Any:
+    """Return measured sizes, (n, k): shares of what is drawn, of [[size]] tables deviations; None without their file.
+
+    Columns have the names of the sizes where none are given.
+    """
     if path is None:
         return None
     from fcdm_opt.design.distributions import read_columns
+    from fcdm_opt.design.sizes import sources
 
-    each = "a number for each column, as 10,20"
+    positive = [name in problem.nominal_scales for name in names]
+    columns, each = columns or names, "a number for each column, as 10,20"
     drawn = [1.0] * len(columns) if nominals is None else _numbers(nominals, "--nominals", each, len(columns))
-    return read_columns(path, columns, drawn, deviations=deviations)
+    return sources(read_columns(path, columns, drawn, deviations=not all(positive)), positive=positive)

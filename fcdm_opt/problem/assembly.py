@@ -295,6 +295,11 @@ class Assembly(Scene):
         return self.questions
 
     @property
+    def kept_clear(self) -> tuple[tuple[str, str], ...]:
+        """The two parts of each contact of goal "clear", by name: what its clearances are for."""
+        return tuple(own[:2] for own in self.contacts if own.asked.get("goal") == "clear")
+
+    @property
     def moving(self) -> tuple[str, ...]:
         """Those of `motions`."""
         return tuple(self.motions)

@@ -34,7 +34,7 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
     if not isinstance(rows[0].solution, AssemblySolution):  # a file is of one kind
         return print_solutions(rows)
     for row in rows:
-        print_text(str(row.solution), indent="   ")
+        print_text(f"{row.solution.question.name}: {assembly_verdict(row.solution)}", indent="   ")
     print_rows([cells for row in rows for cells in _cells(row.solution)], numbers=NUMBERS, optional=("weight",))
     for row in rows:
         solution, name = row.solution, row.solution.assembly.name
@@ -95,7 +95,10 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if solution.status.name == "OUTSIDE_FIT":
         from fcdm_opt.problem.fit import verdict
 
-        what = "does not fit: the only motions found take a part out of the place it is drawn in"
+        place = "the place it is drawn in"
+        what = f"does not fit: the only motions found take a part out of {place}"
+        if texts.outcome_text(solution) == texts.NOT_MET:
+            what = f"fits, {texts.NOT_MET}: no such motions leave it with each part in {place}"
         return "; ".join(filter(None, (verdict(assembly) or what, barring(assembly))))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"

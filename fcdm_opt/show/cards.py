@@ -285,7 +285,7 @@ def _verdict(solution: Bounded) -> str:
     if certificate is None or not solution.status.found:
         return "" if certificate is None else "no motion to verify"
     if solution.status.name == "OUTSIDE_FIT":
-        return "no: outside the fit"
+        return f"no: {outcome_text(solution)}"
     if certificate.passed:
         return f"yes, {counted(len(certificate.checks), 'check')} passed"
     return f"no: {', '.join(check.name for check in certificate.failed) or 'no checks'}"

@@ -79,7 +79,7 @@ def sizes_as_drawn(scene: Scene) -> list[str]:
         return []
     names = listed([size.name for size in scene.sizes])
     asked = 'a case with made = "worst", or with target = [1.0, 1.0], asks about them'
-    return [f"requirement {corner} makes whole parts larger or smaller, and leaves sizes as drawn ({names}): {asked}"]
+    return [f"a requirement makes whole parts larger or smaller, and leaves sizes as drawn ({names}): {asked}"]
 
 
 def _frames(solution: Solution) -> list[str]:
@@ -124,7 +124,7 @@ def _contacts(solution: Solution) -> list[str]:
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(gap, unit, 4)}" if gap > problem.contact_slack else "closed"
         if numbered:
-            named = feature.told(problem.movable, problem.static)
+            named = feature.in_words(problem.movable, problem.static)
             told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
     if not solution.status.found:
         return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]

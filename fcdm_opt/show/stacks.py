@@ -135,7 +135,7 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
-    """Print worst case, statistics, the share within the limits where it was drawn, contributions and rows."""
+    """Print which gap it is, worst case, statistics, the share within limits, contributions, rows."""
     worst, spread = stack.worst(), stack.root_sum_square()
     noise = noise_of(stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
@@ -161,6 +161,8 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         ),
         (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]
+    if stack.parts:
+        print_text(f"gap of {' and '.join(stack.parts)} at rest, all other contacts closed")
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([
         {"": what, "gap": signed(gap, least=noise) + " *" * past, "at": wrapped(at, LONGEST)}
@@ -248,7 +250,9 @@ def stack_notes(stack: StackUp) -> list[str]:
         "of the least motions, by their weights"
     )
     kept = f"it is the gap of the two bodies: keep-outs ({', '.join(stack.keep_out)}) have no part in it"
-    notes = {free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
+    closed = f"motions close this contact, as the others: gaps of {' and '.join(stack.parts)} are what they make up for"
+    restored = stack.loop is not None and stack.loop.is_restored
+    notes = {closed: restored, free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
     return [*not_counted(stack.standing), *(note for note, holds in notes.items() if holds)]
 
 
@@ -276,12 +280,13 @@ def another_decides(spread: RootSumSquare) -> str:
 def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
     """Print how many of the pairs drawn are within the limits; by root sum square where `usual`, in the worst case."""
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
-    print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
+    limited = bool(np.isfinite(stack.limits).any())
+    if limited:
+        print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
-        print_text(
-            f"of the true parts between {share.share_low:.4%} and {share.share_high:.4%}, and worst cases from "
-            f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
-        )
+        shares = f"between {share.share_low:.4%} and {share.share_high:.4%}, and " * limited
+        ends = f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
+        print_text(f"of the true parts {shares}worst cases from {ends}")
     if note := another_decides(spread):
         print_text(note)
     elif usual and not share.interval[0] - RARE <= spread.share <= share.interval[1] + RARE:
@@ -340,7 +345,8 @@ def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) 
     edges, heights = np.asarray(share.edges), np.asarray(share.counts) / max(1, int(np.sum(share.counts)))
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
-    for chosen, colour, name in ((within, BLUE, "within"), (~within, VERMILLION, "outside")):
+    inside = "within" if np.isfinite(share.limits).any() else "drawn"
+    for chosen, colour, name in ((within, BLUE, inside), (~within, VERMILLION, "outside")):
         if (heights[chosen] > 0.0).any():
             gaps.bar(
                 edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name

@@ -166,9 +166,9 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
     """Draw the share of points whose amount is at most so much, a line for each other value, with the budget."""
     told, within = "", result.assembly_yield
     if within is not None:
-        low, high = within.interval
+        ends = " ({:.1%} to {:.1%})".format(*within.interval) if within.interval else ""
         budget = measured(f"{within.budget:g}", result.unit)
-        told = f"budget {budget}: {within.share:.1%} within ({low:.1%} to {high:.1%})"
+        told = f"budget {budget}: {within.share:.1%} within{ends}"
     keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [told])]
     sheet, ((_, axes), *_) = _panels([], (data.amount, "share of points with at most this amount"), words, keys)
     for k, (at, name) in enumerate(_combinations(cases)):

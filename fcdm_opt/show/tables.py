@@ -10,13 +10,13 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
-from fcdm_opt.problem.fit import mismatched
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import texts
 from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.verdict import (
+    barred_text,
     contact_text,
     fit_text,
     held_text,
@@ -48,6 +48,7 @@ CUT = ", exactly the solid"  # what a note on a body says first
 LONGEST_VALUE = 40  # letters of a value that was changed, which are shown
 MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
 DOUBT_WIDTH = 14  # characters, of what is said below an amount
+JUDGED_WIDTH = 9  # and of why a motion is none to use
 
 
 def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
@@ -179,7 +180,9 @@ def failed_text(solution: Bounded) -> str:
 
 def verdict_cell(solution: Bounded) -> str:
     """Return whether a solution that was found is verified, for the cell of a table."""
-    return "outside\nthe fit" if solution.status.name == "OUTSIDE_FIT" else "yes" if solution.usable else "no"
+    if solution.status.name == "OUTSIDE_FIT":
+        return wrapped(texts.outcome_text(solution), JUDGED_WIDTH)
+    return "yes" if solution.usable else "no"
 
 
 def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, ContactTimes | str]]) -> None:
@@ -418,7 +421,7 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
         "amount": texts.amount_text(texts.seen_amount(solution)),
         "motion": texts.motion_text(solution, unit=False),
         "pair made": _made_state(solution),
-        "outcome": "does not fit" if mismatched(solution.question) else texts.outcome_text(solution),
+        "outcome": barred_text(solution),
     }
 
 

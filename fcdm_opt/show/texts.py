@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 DIGITS = 4  # significant digits of what people read; all of them are in JSON
 PLACES = 6  # those of coordinates and sizes as shares of those drawn, which differ by little from one another
+NOT_MET = "clearance not met"  # of parts that fit without one
 NONE = "\u2013"  # an en dash, where a page has no value
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
@@ -244,6 +245,10 @@ def bound_line(solution: Bounded) -> str:
 
 def outcome_text(solution: Bounded) -> str:
     """Return how a solve ended, in words for the cell of a table."""
+    from fcdm_opt.design.whatif.fitting import without_clearance
+
+    if solution.status is Status.OUTSIDE_FIT and without_clearance(solution.question) is not None:
+        return NOT_MET
     return "verified" if solution.usable else solution.status.words
 
 
@@ -273,21 +278,25 @@ def advised(case: SolvedCase) -> str:
 
 def _with_sizes(solution: Solution) -> str:
     """Return the advice of an answer; of widths that do not go together, and of a clearance, what mends them."""
-    from fcdm_opt.design.whatif.fitting import ACCURACY, largest_clearance
+    from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, opening_shift
     from fcdm_opt.problem.fit import mending_turn, sizes_that_lack, verdict
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
     problem = solution.problem
     names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
-    with pacing.within(10.0):
-        most = pacing.in_time(largest_clearance, problem, late=0.0) if need > 0.0 and not names else 0.0
+    asked, shift = need > 0.0 and not names, ""
+    with pacing.within(TOLD):
+        most = pacing.in_time(largest_clearance, problem, late=0.0) if asked else 0.0
+        if asked and not most:  # what is closed stays so by this motion
+            shift, most = pacing.in_time(opening_shift, problem, late=("", 0.0))
     cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
-    if most > 0.0:
-        clearance = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit)
-        cures.append(f"choose a smaller clearance, at most {clearance}")
+    less = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit) if most < need else ""
+    opened = [f"allow a shift along {shift}, which opens the contact that stays closed"] * bool(shift)
+    room = ", and ".join(opened + [f"choose a smaller clearance, at most {less}"] * (most > 0.0 and bool(less)))
+    cures += [room] * bool(room)
     if not cures and verdict(problem).startswith("does not fit: "):  # wherever the part is moved to
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
@@ -318,9 +327,8 @@ def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
         told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"median {middle}"))
     if (share := result.assembly_yield) is not None:
-        low, high = share.interval
-        sure = f"{share.within} of {share.of}; {share.confidence:.0%} interval {low:.2%} to {high:.2%}"
-        told.append((f"yield within {measured(f'{share.budget:g}', result.unit)}", f"{share.share:.2%}", sure))
+        within = f"yield within {measured(f'{share.budget:g}', result.unit)}"
+        told.append((within, f"{share.share:.2%}", share.sure_text))
     if result.seconds:
         parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
         told.append(("working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from fcdm_opt.problem.solution import Bounded, Solution
 
 CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
-TOLD = 10.0  # seconds that another question may take, which is asked only to say why there is no motion
 NO_FIT = "does not fit: the only motion found"
 EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
 REFUSED = {
@@ -70,8 +69,7 @@ def _refused_text(solution: Solution) -> str:
         return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
         why = barring(problem) or solution.reason
-        asked = problem.goal == "clear" and problem.clearance > 0.0
-        more = _without_clearance(problem, why) if asked else ""
+        more = _without_clearance(problem, why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         known = f"{solution.stopped}: the only motion found by then" if solution.stopped else NO_FIT
@@ -86,27 +84,18 @@ def _refused_text(solution: Solution) -> str:
     return f"{REFUSED[solution.status.name]}{why}"
 
 
-def _solved(scene: Scene) -> Any:
-    """Return the answer to a question, None where it cannot be used, or the time does not last."""
-    from fcdm_opt.solver import solve
-
-    with pacing.within(TOLD):
-        found = pacing.in_time(partial(solve, effort="quick"), scene, late=None)
-    return found if found is not None and found.usable else None
-
-
 @lru_cache(maxsize=4)
 def barring(scene: Scene) -> str:
     """Return which keep-outs, and clearances of an assembly, are in the way, in words: without these it is solved."""
     from fcdm_opt.design.whatif.constraints import constraints, without
-    from fcdm_opt.design.whatif.fitting import ACCURACY, largest_clearance
+    from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, usable_answer
 
     every = {f"keep-out {own.name!r}": f"keep-out {own.name}" for own in scene.keep_out}
     contacts = {own.name: own.value for own in constraints(scene) if own.name.startswith("contact ") and own.value > 0}
     every |= {name: f"{name} (clear by {length_text(scene, value)})" for name, value in contacts.items()}
-    if not every or _solved(without(scene, every)) is None:
+    if not every or usable_answer(without(scene, every)) is None:
         return ""
-    single = [name for name in every if len(every) == 1 or _solved(without(scene, [name])) is not None]
+    single = [name for name in every if len(every) == 1 or usable_answer(without(scene, [name])) is not None]
     names = [every[name] for name in single or every]
     told = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
     if len(single) == 1 and single[0] in contacts:
@@ -119,13 +108,15 @@ def barring(scene: Scene) -> str:
 
 def _without_clearance(problem: Problem, why: str) -> str:
     """Return that parts fit without a clearance, with why not with one; "" where they do not."""
-    bare = _solved(problem.changed(clearance=0.0))
+    from fcdm_opt.design.whatif.fitting import without_clearance
+
+    bare = without_clearance(problem)
     if bare is None:
         return ""
     contact = contact_text(bare.problem, bare.features, bare.transform)
-    closed = f": without one, {contact}" if contact and bare.pair_state == "touching" else ""
-    asked = f"no such motion leaves a clearance of {length_text(problem, problem.clearance)}"
-    return f"fits, but {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
+    closed = f"; without one, {contact}" if contact and bare.pair_state == "touching" else ""
+    asked = f"no such motion leaves {length_text(problem, problem.clearance)}"
+    return f"fits, {texts.NOT_MET}: {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
 
 
 def answer_text(solution: Solution) -> str:
@@ -230,12 +221,17 @@ def motion_said(solution: Solution) -> str:
 
 def refusal_text(solution: Bounded) -> str:
     """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
-    from fcdm_opt.problem.fit import verdict
-
     if solution.usable:
         return ""
-    tight = solution.status.name == "OUTSIDE_FIT" or verdict(solution.question)
-    return f"{'does not fit' if tight else texts.outcome_text(solution)}: parts as made, not moved"
+    return f"{barred_text(solution)}: parts as made, not moved"
+
+
+def barred_text(solution: Bounded) -> str:
+    """Return how a solve without a motion to use ended: "does not fit", "clearance not met"."""
+    from fcdm_opt.problem.fit import verdict
+
+    outcome, outside = texts.outcome_text(solution), solution.status.name == "OUTSIDE_FIT"
+    return "does not fit" if outcome != texts.NOT_MET and (outside or verdict(solution.question)) else outcome
 
 
 def instruction(solution: Solution) -> str:

@@ -491,7 +491,9 @@ class System:
             other, name, gap = task.obstacles[j], task.named((i, j)), float(gaps[i, j])
             if not short[i, j] < 0.0:
                 break
-            if other.keep_out < 0:
+            if other.keep_out >= 0:  # of an assembly each part may be too near to it
+                name = f"{task.movable.name or 'body 1'} and {name}"
+            else:
                 one, two, normal = task.movable.parts[i], task.static.parts[j], task.way_between((i, j), q)
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)

@@ -302,6 +302,19 @@ def test_a_pose_for_all_sizes_is_in_the_middle_of_their_gaps(tmp_path: Path) -> 
     assert (code, case["best_pose"]["window"]) == (0, [None, 0.5])
 
 
+def test_a_pose_for_measured_sizes_by_name_took_columns_and_refused_what_is_below_zero(tmp_path: Path) -> None:
+    """A key .0625 from the sides of its slot, and .125 - .09 - .01 from its bottom: as made, and with a foot of .02."""
+    names = "slot_depth,operator,key_foot,key_width,slot_width,slot_position"
+    (tmp_path / "one.csv").write_text(f"{names}\n-0.09,ann,0.01,0,0,0\n")
+    (tmp_path / "two.csv").write_text(f"{names}\n-0.09,ann,0.01,0,0,0\n-0.08,bob,0.02,0,0,0\n")
+    for name, ends in (("one", (0.025, 0.025)), ("two", (0.015, 0.035))):
+        asked = ("pose", PROBLEMS / "slot_and_key.toml", "--case", "as drawn", "--json", "--sizes")
+        code, text, said = run(*asked, tmp_path / f"{name}.csv")
+        (case,) = json.loads(text)["files"][0]["cases"]
+        assert (code, said) == (0, "")
+        assert (case["as_drawn"]["least"]["gap"], case["as_drawn"]["most"]["gap"]) == pytest.approx(ends)
+
+
 def test_a_case_that_cannot_be_made_ended_what_was_asked_of_others(tmp_path: Path) -> None:
     text = (PROBLEMS / "slot_and_key.toml").read_text().replace('file = "', f'file = "{PROBLEMS.as_posix()}/')
     path = tmp_path / "key.toml"

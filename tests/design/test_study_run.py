@@ -111,7 +111,7 @@ def test_rows_are_what_solve_and_the_judge_say(whole: Path) -> None:
         assert own["parameters"] == dict(solution.parameters)
         assert own["amount"] == (solution.amount if solution.status.found else None)
         assert (own["lower_bound"], own["pair_gap"]) == (solution.lower_bound, solution.pair_gap)
-        assert own["features"] == [feature.label for feature in solution.features]
+        assert own["features"] == [x.in_words(*solution.problem.bodies[:2]) for x in solution.features]
         assert own["checks_failed"] == [check.name for check in solution.certificate.failed]
         assert sum(own["seconds"].values()) == pytest.approx(2 * own["seconds"]["point"], rel=0.5)
     assert statuses["BAD_INPUT"] == 4  # a tolerance of 150 % makes a body vanish

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from fcdm_opt.design.study.results import PENDING, StudyResult
 from fcdm_opt.design.study.store import FILE, Store
 from fcdm_opt.design.study.variables import shares
 from fcdm_opt.errors import InputError
+from fcdm_opt.show.report.page import study_page
 
 
 def definition(vary: dict[str, Any], *, cases: Sequence[str] = (), draws: int | None = None, **own: Any) -> dict:
@@ -58,6 +60,20 @@ def sweep(tmp_path: Path) -> StudyResult:
     return stored(tmp_path / "out", about, list(zip(keys, values, strict=False)), rows)
 
 
+def test_a_grid_had_an_interval_of_confidence_and_angles_no_unit(sweep: StudyResult) -> None:
+    """One of four points worked out is within .25: points of a grid are chosen, not drawn."""
+    share = sweep.assembly_yield
+    assert share is not None
+    assert (share.share, share.interval) == (0.25, None)
+    page = study_page(sweep)
+    assert "(1 of 4)" in str(sweep)
+    assert not any(
+        "interval" in text for text in (str(sweep), re.sub("<script.*?</script>", "", page, flags=re.DOTALL))
+    )
+    assert "RZ (radians)" in page
+    assert "deviations of sizes by name (made) are in that unit" in page
+
+
 def test_every_point_is_a_row_in_order(sweep: StudyResult) -> None:
     rows = sweep.rows()
     assert [found["number"] for found in rows] == list(range(6))
@@ -87,7 +103,7 @@ def test_all_tables_hold_the_same_numbers(sweep: StudyResult, tmp_path: Path) ->
     pandas.testing.assert_frame_equal(pandas.read_parquet(tmp_path / "study.parquet"), frame)
     for name in rows[0]:
         told = ["" if found[name] is None else str(found[name]) for found in rows]
-        assert [text[name] for text in texts] == told
+        assert [text["RZ (rad)" if name == "RZ" else name] for text in texts] == told
         if frame[name].dtype == float:
             np.testing.assert_array_equal(frame[name], [math.nan if r[name] is None else r[name] for r in rows])
     assert frame["amount"].dtype == frame["tolerance"].dtype == float

@@ -753,8 +753,8 @@ def test_planes_between_parts_tell_of_no_passage_what_lines_do(
     ("made", "clearance", "words"),
     [
         # a play of 0.02 at the radius, and what stops a clearance is the top
-        ({"place": 0.03}, 0.004, "fits, but no such motion leaves a clearance of 0.004 in the place it is drawn in: "),
-        ({"place": 0.001}, 0.004, "fits, but no such motion leaves a clearance of 0.004 in the place it is drawn in: "),
+        ({"place": 0.03}, 0.004, "fits, clearance not met: no such motion leaves 0.004 in the place it is drawn in; "),
+        ({"place": 0.001}, 0.004, "fits, clearance not met: no such motion leaves 0.004 in the place it is drawn in; "),
         ({"place": 0.001, "bore": -0.06}, 0.0, "does not fit: cover 7.960 in base 7.940, across the bore of radius 4 "),
         (
             {"place": 0.03, "bore": -0.05},

@@ -123,3 +123,17 @@ def test_a_distance_of_pins_that_only_a_turn_or_the_size_beside_it_mends_was_ans
     both = fo.solve(fo.Problem(plate, base, made={"spacing": 0.25, "aside": 0.12}, **asked))
     assert advised(SolvedCase(both)).startswith("Change spacing")
     assert "turn" not in advised(SolvedCase(both))
+
+
+def test_contacts_were_named_by_labels() -> None:
+    """A block on a floor and at a wall, 0.1 taller: along x its floor contact cannot be closed."""
+    block = fo.Box((4, 4, 4), centre=(0, 0, 2), name="block")
+    ends = fo.Box((10, 10, 2), centre=(0, 0, -1)), fo.Box((2, 10, 6), centre=(3, 0, 3))
+    ell = fo.Body.from_parts([own.vertices for own in ends], name="ell")
+    height = fo.Size("height", "movable", faces="-z", tolerance=0.2)
+    given = {"goal": "at", "contacts": "all", "motion": fo.Translation("x")}
+    told = remarks(fo.solve(fo.Problem(block, ell, sizes=[height], made={"height": 0.1}, **given)))
+    assert told[:2] == [
+        "contact 1, bottom face of block, face 2 (facing +z) of ell",
+        "contact 2, right face of block, face 7 (facing -x) of ell",
+    ]

@@ -680,8 +680,8 @@ def test_limits_by_root_sum_square_beyond_the_worst_case_were_told():
     assert BEYOND in normal["notes"]
 
 
-def test_an_assembly_had_no_stack_up_where_sizes_open_two_contacts():
-    """A lid on a wall and a block in the box under it: of each contact its own chain of sizes, worst on worst."""
+def test_the_report_of_an_assembly_had_the_stack_up_of_contacts_that_motions_close():
+    """A lid on a wall and a block in the box under it: 1 between them, less what the sizes take, is what it is for."""
     parts = {
         "box": fo.Body.from_parts([[*product((-9, 9), (-9, 9), (-2, 0))], [*product((5, 9), (-9, 9), (0, 6))]]),
         "block": fo.Box((4, 4, 5), centre=(0, 0, 2.5)),
@@ -693,9 +693,20 @@ def test_an_assembly_had_no_stack_up_where_sizes_open_two_contacts():
     motions = dict.fromkeys(("block", "lid"), fo.Translation("z"))
     asked = fo.Assembly(parts, between, [floor, height], motions, unit="mm")
     told = {own["of"]: [worst["gap"] for worst in own["worst"]] for own in stack_reports(asked)}
-    assert [*told] == ["block and box", "lid and block"]
-    assert told["block and box"] == pytest.approx([-0.02, 0.02])
+    assert [*told] == ["lid and block"]
     assert told["lid and block"] == pytest.approx([1.0 - 0.05, 1.0 + 0.05])
+    found = fo.stack_up(asked)  # by the same rule
+    assert (found.parts, found.limits, found.worst().least) == (("lid", "block"), (0.0, np.inf), pytest.approx(0.95))
+    assert "gap of lid and block at rest" in str(found)
+    resting = fo.Assembly(parts, between[:2], [height, replace(floor, body="block", faces="-z")], motions, unit="mm")
+    (told,) = stack_reports(resting)  # no clearance is asked: of what touches, motions close all there is
+    assert (told["of"], told["yield"], told["worst"][0]["gap"]) == ("block and box", None, pytest.approx(-0.02))
+    assert any("motions close this contact" in note for note in told["notes"])
+    assert "% of" not in str(fo.stack_up(resting)).replace("99.73 % of", "").partition("size")[0]
+    both = [*between, {"parts": ("lid", "box"), "goal": "clear"}]
+    both = [between[0], both[-1], between[2]]
+    with pytest.raises(fo.InputError, match="lid - box, lid - block"):
+        fo.stack_up(fo.Assembly(parts, both, [floor, height], motions, follows={"lid": "box"}))
 
 
 def test_a_report_that_was_interrupted_left_no_page(monkeypatch):
@@ -761,6 +772,18 @@ def test_a_goal_to_be_clear_is_told_with_its_clearance():
     (case,) = gathered("lid", "room for a seal")["cases"]
     assert case["wanted"] == "clear by 0.1 mm"
     assert gathered(*LID)["cases"][0]["wanted"] == "seat"
+
+
+def test_what_matters_most_was_told_beyond_where_its_rate_holds():
+    """A block .03 in a wall that may be .12 farther: the amount falls by .03, not by .12; of scales it is "about"."""
+    block = fo.Box((10, 8, 6), centre=(0.03, 0, 3), name="block")
+    wall = fo.Box((4, 20, 20), centre=(7, 0, 3), name="wall")
+    place = fo.Size("place", "static", faces="-x", each=-1.0, tolerance=0.12)
+    problem = fo.Problem(block, wall, sizes=[place], goal="clear", motion=fo.Translation("x"), target=(1, 1))
+    most = _sensitivities(fo.solve(problem))["most"]
+    assert (most["name"], most["unit"], most["value"]) == ("place of wall", "+0.12", pytest.approx(-0.03))
+    assert not most["about"]
+    assert _sensitivities(fo.solve(problem.changed(sizes=[])))["most"]["about"]
 
 
 def test_what_matters_most_is_a_size():

@@ -61,7 +61,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "goal": "beyond",
         "wanted": "beyond",
         "status": "PAIR_OVERLAPS",
-        "outside": False,
+        "outside": "",
         "extents": [[f"one {text}", "1 x 2 x 3", "1.02 x 2.04 x 3.06", "1.02"]],
         "outcome": "does not fit",
         "told": [f"Advice {text}"],
@@ -132,7 +132,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True, "covers": f"yes {text}"},
         "sensitivities": {
             "text": f"derivatives {text}",
-            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
+            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "about": True, "note": f"of {text}"},
             "bars": [
                 {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
                 {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},
@@ -168,7 +168,7 @@ def payload(text: str = "plain") -> dict:
         "published": f"published {text}",
         "pair_state": "overlapping",
         "status": "PAIR_OVERLAPS",
-        "outside": False,
+        "outside": "",
         "usable": True,
         "note": f"note {text}",
     }
@@ -324,7 +324,7 @@ def test_sizes_beyond_their_tolerance_were_told_on_each_sheet():
 
 def test_checks_that_hold_were_counted_under_a_motion_that_leaves_the_fit():
     data = payload()
-    data["cases"][0] |= {"outside": True, "motion": "none"}
+    data["cases"][0] |= {"outside": "outside the fit", "motion": "none"}
     told = page(data).split('<div class="told">')[1].split('<div class="sizes">')[0]
     assert "outside the fit" in told
     assert "checks hold" not in told
@@ -332,11 +332,11 @@ def test_checks_that_hold_were_counted_under_a_motion_that_leaves_the_fit():
 
 def test_words_on_a_sheet_were_explained_that_it_does_not_use():
     data = payload()
-    data["cases"] = [{**data["cases"][0], "outside": True, "asked": "made width -0.2", "goal": "touch"}]
+    data["cases"] = [{**data["cases"][0], "outside": "outside the fit", "asked": "made width -0.2", "goal": "touch"}]
     data["files"][0]["cases"], data["matrices"] = [0], []
     words = page(data).split('<p class="paper words">')[1].split("</p>")[0]
     assert re.findall("<b>(.*?)</b>", words) == ["touch"]
-    data["cases"][0] |= {"outside": False, "pair": [1.0, 1.0]}
+    data["cases"][0] |= {"outside": "", "pair": [1.0, 1.0]}
     words = page(data).split('<p class="paper words">')[1].split("</p>")[0]
     assert re.findall("<b>(.*?)</b>", words) == ["touch", "amount", "pair made", "proved"]
 

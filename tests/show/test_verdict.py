@@ -16,12 +16,25 @@ import trimesh
 from manifold3d import Manifold
 
 import fcdm_opt as fo
+from fcdm_opt.design.whatif import fitting
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem import fit
-from fcdm_opt.show import verdict
+from fcdm_opt.show.assemblies import assembly_verdict, print_answers
+from fcdm_opt.show.printing import printed
+from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.tables import verdict_cell
 from fcdm_opt.show.texts import advised, parameter_texts, telling
-from fcdm_opt.show.verdict import answer_text, fit_text, labels_in_words, motion_said, verdict_text
+from fcdm_opt.show.verdict import (
+    _without_clearance,
+    answer_text,
+    barred_text,
+    fit_text,
+    labels_in_words,
+    motion_said,
+    refusal_text,
+    verdict_text,
+)
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -286,7 +299,7 @@ def test_a_keep_out_that_leaves_no_room_for_a_clearance_is_named_of_assemblies_t
     asked = fo.Problem(peg, plate, target=(1, 1), motion=fo.Translation("x"), keep_out=stops, unit="mm", **given)
     words = "in the way: keep-out stop, without which there is a motion"
     told = verdict_text(fo.solve(asked))
-    assert told.startswith("fits, but no such motion leaves a clearance of 0.15 mm in the place it is drawn in: ")
+    assert told.startswith("fits, clearance not met: no such motion leaves 0.15 mm in the place it is drawn in; ")
     assert told.endswith(words)
     joined = {"parts": ("peg", "plate"), **given}
     both = fo.Assembly([plate, peg], [joined], motions={"peg": fo.Translation("x")}, keep_out=stops)
@@ -335,6 +348,25 @@ def test_a_pin_that_is_tilted_was_told_not_to_fit_by_what_it_is_across_its_bore(
     assert not fit.verdict(free)
 
 
+def test_a_keep_out_was_said_to_overlap_without_the_part_that_does() -> None:
+    """Two blocks of 4 on each other, the lower made 0.2 taller: 0.05 of the upper one is then in the stop at 8.15."""
+    boxes = [fo.Box((9, 9, 2), centre=(0, 0, -1), name="base")]
+    boxes += [fo.Box((4, 4, 4), centre=(0, 0, 4 * k + 2), name=name) for k, name in enumerate(("lower", "upper"))]
+    stop = fo.KeepOut(fo.Box((9, 9, 2), centre=(0, 0, 9.15), name="stop"))
+    height = fo.Size("height", "lower", faces="+z", tolerance=0.3)
+    motions = dict.fromkeys(("lower", "upper"), fo.Translation("z"))
+    pairs = [("lower", "base"), ("upper", "lower")]
+    asked = fo.Assembly(boxes, pairs, [height], motions, made={"height": 0.2}, keep_out=[stop], unit="mm")
+    solution = fo.solve(asked)
+    assert "upper and keep-out 'stop' overlap by 0.05 mm" in str(solution)
+    met = fo.solve(asked.changed(keep_out=[], name="taller"))
+    told = printed(print_answers, [SolvedCase(met)])
+    assert "asked amount" not in " ".join(told.split())  # which the table has
+    assert told.startswith(
+        "taller: move upper 0.2 mm along +z relative to lower, which carries it: then every contact is"
+    )
+
+
 def test_a_pin_and_its_bore_were_told_by_radii_that_do_not_give_their_play() -> None:
     """3.994 in 4.008 is no .0145."""
     bore = fo.Cylinder(4.008, 12.0, base=(0, 0, -1), facets=16)
@@ -368,10 +400,25 @@ def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit
     rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 10), name="rail"), fo.Box((80, 10.1, 20), centre=(0, 0, 15)))
     slide = fo.Box((40, 10, 25), centre=(0, 0, 17.5), name="slide")
     problem = fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
-    told = str(fo.solve(problem))
+    solution = fo.solve(problem)
+    told = str(solution)
     assert told.startswith(
-        "fits, but no such motion leaves a clearance of 0.02 in the place it is drawn in: without one, its bottom"
+        "fits, clearance not met: no such motion leaves 0.02 in the place it is drawn in; without one, its bottom"
     )
+    assert told.count("clearance not met") == 2  # verdict and row: "outside the fit" contradicts "fits"
+    assert refusal_text(solution) == "clearance not met: parts as made, not moved"
+    assert (verdict_cell(solution), barred_text(solution)) == ("clearance\nnot met", "clearance not met")
+    assert "no: clearance not met" in solution._repr_html_()
+    up = "Allow a shift along +z, which opens the contact that stays closed"  # 0.05 to either wall stays
+    assert advised(SolvedCase(solution)) == f"{up}."
+    wide = fo.solve(problem.changed(clearance=0.08))
+    assert advised(SolvedCase(wide)) == f"{up}, and choose a smaller clearance, at most 0.05."
+    lifted = fo.solve(problem.changed(clearance=0.08, motion=problem.motion >> fo.Translation("z")))
+    assert advised(SolvedCase(lifted)) == "Choose a smaller clearance, at most 0.05."
+    between = {"parts": ("slide", "rail"), "goal": "clear", "clearance": 0.02}
+    both = fo.solve(fo.Assembly([slide, rail], [between], motions={"slide": fo.Translation("y")}))
+    assert assembly_verdict(both).startswith("fits, clearance not met: no such motions leave it")
+    assert (verdict_cell(both), barred_text(both)) == ("clearance\nnot met", "clearance not met")
 
 
 def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_other_bodies(
@@ -384,8 +431,8 @@ def test_what_lies_on_what_without_a_clearance_was_looked_up_among_the_faces_of_
     slide = fo.joined(fo.Box((40, 10, 25), centre=(0, 0, 17.5)), *pins)
     bare = fo.solve(fo.Problem(slide, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear"))
     asked = fo.Problem(pin, rail, motion=fo.Translation("y"), target=(1, 1), goal="clear", clearance=0.02)
-    monkeypatch.setattr(verdict, "_solved", lambda *_, **__: bare)
-    told = verdict._without_clearance(asked, "")
+    monkeypatch.setattr(fitting, "without_clearance", lambda _: bare)
+    told = _without_clearance(asked, "")
     assert told.endswith("and its bottom face (facing -z) lies on face 8 (facing +z) of rail")
 
 

@@ -43,6 +43,8 @@ class Loop:
     closed: tuple[GapClaims, ...] = ()
     weighted: tuple[str, ...] = ()
     sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
+    parts: tuple[str, str] = ("", "")  # of an assembly, the two by name
+    is_restored: bool = False  # whether motions close the gap, whatever it is at rest
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
@@ -81,9 +83,9 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
     The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
-    names, by default those of the only contact that sizes open, and of all their faces; of contacts as drawn alone
-    where `stack_up` looks at these. Raises `InputError` where motions turn, where contacts cannot all be closed within
-    the tolerances, and for parts that are none.
+    names, by default those of the only contact of goal "clear", or without one those of the only contact that sizes
+    open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError` where
+    motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     check_sizes(assembly.sizes)
     if not assembly.shifts:
@@ -107,13 +109,16 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         return motions, base.values[own] + slopes[own] @ motions
 
     if of is None:
-        found = [k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie]
-        if len(found or asked) != 1:
-            opening = ", ".join(" - ".join(asked[k]) for k in found) or "none that closes"
-            what = f"which gap is meant is to be said, while all other contacts stay closed; sizes open {opening}"
-            known, one = " or ".join(" - ".join(own) for own in relations), asked[found[0]] if found else asked[0]
-            raise InputError(what, key="of", allowed=f"two parts of {known}, as --of {','.join(one)}")
-        pair = asked[found[0] if found else 0]
+        meant, why = list(assembly.kept_clear), 'of these goal "clear" asks for one'
+        if not meant:
+            moved = (k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie)
+            meant, why = [asked[k] for k in moved] or asked, "sizes open"
+        if len(meant) != 1:
+            opening = ", ".join(map(" - ".join, meant))
+            what = f"which gap is meant is to be said, while all other contacts stay closed; {why}: {opening}"
+            known = " or ".join(map(" - ".join, relations))
+            raise InputError(what, key="of", allowed=f"two parts of {known}, as --of {','.join(meant[0])}")
+        pair = meant[0]
     else:
         named = [own for own in relations if sorted(own) == sorted(map(str, arguments.items(of)))]
         if not named:
@@ -140,7 +145,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes)
+    return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes, pair, chosen >= 0)
 
 
 def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:

@@ -235,6 +235,11 @@ class StackUp:
         return () if self.loop is None else self.loop.weighted
 
     @property
+    def parts(self) -> tuple[str, ...]:
+        """The two parts of an assembly that the gap is of, by name; () of a problem of two parts."""
+        return () if self.loop is None else (*filter(None, self.loop.parts),)
+
+    @property
     def on_true_faces(self) -> bool:
         """Whether gaps are those of the faces that facets stand for."""
         drawn = self.loop is not None and self.loop.pair.permanent_faces is not None
@@ -499,12 +504,13 @@ def stack_up(
     problem : Problem or Assembly
         With sizes, each with a tolerance. Its bodies count as drawn, whatever it says is made.
     limits : (float, float), optional
-        Least and largest gap that will do; default the clearance of the problem, or of the contact of the two parts,
-        and infinity.
+        Least and largest gap that will do; default the clearance of the problem, or of the two parts, and infinity; any
+        gap of a contact of an assembly that motions close.
     pose : (4, 4) array, optional
         Of the movable body; default as drawn.
     of : (name, name), optional
-        The two parts of an assembly; by default those of the only contact that sizes open.
+        The two parts of an assembly; by default those of the only contact of goal "clear", or where there is none of
+        the only contact that sizes open.
 
     Raises
     ------
@@ -514,19 +520,16 @@ def stack_up(
     """
     expected(problem, (Problem, Assembly), "problem")
     keep_out = tuple(own.name for own in problem.keep_out)
-    named = (own.asked for own in getattr(problem, "contacts", ()) if of is not None and {*own[:2]} == {*of})
-    least = max((own.get("clearance", 0.0) for own in named), default=getattr(problem, "clearance", 0.0))
-    between = (least, np.inf) if limits is None else interval(limits, "limits")
+    given = None if limits is None else interval(limits, "limits")
     if isinstance(problem, Assembly):
         if pose is not None:
             raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")
         loop = assembly_loop(problem, of)
-    elif of is not None:
+        least = -np.inf if loop.is_restored else problem.relations[loop.parts].clearance
+        return StackUp(loop.touching, given or (least, np.inf), problem.unit, loop, keep_out)
+    if of is not None:
         raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
-    else:
-        at = rigid_transform(pose)
-        found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
-        if isinstance(found, TouchingSizes):
-            return StackUp(found, between, problem.unit, None, keep_out)
-        loop = found
-    return StackUp(loop.touching, between, problem.unit, loop, keep_out)
+    at = rigid_transform(pose)
+    found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
+    rows = (found, None) if isinstance(found, TouchingSizes) else (found.touching, found)
+    return StackUp(rows[0], given or (problem.clearance, np.inf), problem.unit, rows[1], keep_out)

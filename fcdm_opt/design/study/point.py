@@ -20,7 +20,7 @@ Asked = tuple[str, str, Mapping[str, Any], bool, str]
 
 Row = dict[str, Any]
 
-AS_PLAIN = ("usable", "rho", "pair", "pair_state", "active", "stage", "modelled", "features")
+AS_PLAIN = ("usable", "rho", "pair", "pair_state", "active", "stage", "modelled")
 
 BAD_INPUT, ERROR, WORKER_LOST = "BAD_INPUT", "ERROR", "WORKER_LOST"
 """What a row's status may be besides the names of `Status`: no question, an unexpected error, no answer at all."""
@@ -62,7 +62,7 @@ def load() -> None:
 def row(key: str, status: str, message: str = "", *, seconds: float = 0.0) -> Row:
     """Return the row of a point without a solution, with the reason in words.
 
-    Parameters have the names of `Scene.coordinates`, features are labels, "checks_failed" names of checks, "seconds"
+    Parameters have the names of `Scene.coordinates`, features in words, "checks_failed" names of checks, "seconds"
     those of "build", "solve", "prove", "verify", and "point" for all of it; the others as in `Solution`, None for nan.
     """
     return {
@@ -103,6 +103,7 @@ def _answer(key: str, solution: Bounded) -> Row:
         **empty,
         **{name: None if math.isnan(value) else value for name, value in numbers.items()},
         **{name: plain(getattr(solution, name, empty[name])) for name in AS_PLAIN},
+        "features": [own.in_words(*solution.question.bodies[:2]) for own in getattr(solution, "features", ())],
         "parameters": plain(solution.coordinates),
         "checks_failed": [check.name for check in certificate.failed] if certificate else [],
     }

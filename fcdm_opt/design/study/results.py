@@ -45,12 +45,18 @@ class Share(NamedTuple):
     """How many points a motion within the budget was found for."""
 
     share: float  # of the points that were worked out; failures count as not within
-    # Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs
-    interval: tuple[float, float]
+    # Clopper and Pearson's; of a Latin hypercube with one draw less, which is wider than it needs; None of a grid
+    interval: tuple[float, float] | None
     within: int  # points, as is `of`
     of: int
     confidence: float
     budget: float
+
+    @property
+    def sure_text(self) -> str:
+        """How many points of how many, and of points drawn between which shares that of all parts is."""
+        ends = "; {:.0%} interval {:.2%} to {:.2%}".format(self.confidence, *self.interval) if self.interval else ""
+        return f"{self.within} of {self.of}{ends}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,8 +164,8 @@ class StudyResult(NotebookRepr, Plain):
         if budget is None or not found:
             return None
         within = sum(row["usable"] and row["amount"] <= budget * (1.0 + DEFAULT.cut) for row in found)
-        independent = self.definition.get("sampling") != "latin hypercube" or "draw" not in self.axes
-        interval = proportion_interval(within, len(found), CONFIDENCE, independent=independent)
+        independent, drawn = self.definition.get("sampling") != "latin hypercube", DRAW in self.axes
+        interval = proportion_interval(within, len(found), CONFIDENCE, independent=independent) if drawn else None
         return Share(within / len(found), interval, within, len(found), CONFIDENCE, budget)
 
     def __str__(self) -> str:
@@ -173,11 +179,7 @@ class StudyResult(NotebookRepr, Plain):
                 f"{head}: {number_text(amounts[0])} to {number_text(amounts[-1])}, median {number_text(middle)}"
             )
         if found := self.assembly_yield:
-            low, high = found.interval
-            lines.append(
-                f"yield: {found.share:.2%} within {found.budget:g} ({found.within} of {found.of}; "
-                f"{found.confidence:.0%} interval {low:.2%} to {high:.2%})"
-            )
+            lines.append(f"yield: {found.share:.2%} within {found.budget:g} ({found.sure_text})")
         if self.seconds:
             lines.append("seconds: " + ", ".join(f"{name} {value:.3g}" for name, value in self.seconds.items()))
         return "\n".join(lines)
@@ -236,14 +238,15 @@ class StudyResult(NotebookRepr, Plain):
         return xarray.Dataset(arrays, coordinates, {**about, "study": self.study, "version": self.version})
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write `rows` as CSV: UTF-8, numbers with all their digits, nothing for None.
+        """Write `rows` as CSV: UTF-8, numbers with all their digits, nothing for None; "(rad)" in the heads of angles.
 
         Raises
         ------
         InputError
             Where the file cannot be written; then there is none.
         """
-        to_csv(path, [self._columns, *zip(*self._columns.values(), strict=True)])
+        heads = [f"{name} (rad)" if name in self.angles else name for name in self._columns]
+        to_csv(path, [heads, *zip(*self._columns.values(), strict=True)])
 
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write `frame` as Parquet.
@@ -277,6 +280,12 @@ class StudyResult(NotebookRepr, Plain):
             columns = tuple(map(free, keys))
             names[label] = columns[keys.index(label)] if label in keys else free(label), columns
         return names
+
+    @cached_property
+    def angles(self) -> set[str]:
+        """Columns of parameters that are angles, radians: "RZ", of an assembly "lid.RZ"."""
+        names = {name for row in self.answers.values() for name in row["parameters"]}
+        return {name for name in names if name.rpartition(".")[2].startswith("R")}
 
     @cached_property
     def _columns(self) -> dict[str, list[Any]]:

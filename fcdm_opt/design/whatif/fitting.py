@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import Enum
-from functools import partial
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,14 +15,20 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
 from fcdm_opt.design.whatif.constraints import constraints
 from fcdm_opt.errors import InputError
+from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import has_motion, solve
+from fcdm_opt.tolerances import DEFAULT
+
+if TYPE_CHECKING:
+    from fcdm_opt.problem.assembly import Assembly
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
+TOLD = 10.0  # seconds that another question may take, which is asked only to say why there is no motion
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
@@ -55,6 +62,40 @@ def largest_clearance(scene: Scene, name: str = "clearance") -> float:
     """
     own = next(one for one in constraints(scene) if one.name == name)
     return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
+
+
+def usable_answer(scene: Scene, **changes: Any) -> Any:
+    """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
+    with pacing.within(TOLD):
+        found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+    return found if found is not None and found.usable else None
+
+
+@lru_cache(maxsize=16)
+def without_clearance(scene: Scene) -> Any:
+    """Return the answer to a question without its clearances, as `usable_answer`; None of one that has none."""
+    if isinstance(scene, Problem):
+        return usable_answer(scene, clearance=0.0) if scene.goal == "clear" and scene.clearance > 0.0 else None
+    contacts = cast("Assembly", scene).contacts
+    if not any(own.asked.get("clearance") for own in contacts):
+        return None
+    return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])
+
+
+@lru_cache(maxsize=16)
+def opening_shift(problem: Problem) -> tuple[str, float]:
+    """Return along which axis of the world, "+z", a shift opens what a motion keeps closed, and the clearance then.
+
+    The largest one, length units, up to that asked for; "" and 0 where one shift more does not do.
+    """
+    known = [own for own in problem.motion.directions if own is not None]
+    for axis, own in zip("xyz", np.eye(3), strict=True):
+        if np.linalg.matrix_rank([*known, own], tol=DEFAULT.nominal) > len(known):
+            asked, _ = problem.with_motion(problem.motion >> Translation(axis))  # type: ignore[arg-type]
+            most = problem.clearance if usable_answer(asked) else largest_clearance(asked)
+            if most > 0.0 and (found := usable_answer(asked, clearance=most)):
+                return "+-"[[*found.parameters.values()][-1] < 0.0] + axis, most
+    return "", 0.0
 
 
 def fits_up_to(problem: Problem) -> float | None:

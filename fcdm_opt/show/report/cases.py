@@ -5,6 +5,7 @@ And of sizes by name: what each measures as drawn and as made, and how the gap d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.sizes import beyond_tolerances
+from fcdm_opt.design.whatif.fitting import usable_answer
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
@@ -20,7 +22,7 @@ from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.evidence import Evidence
-from fcdm_opt.problem.fit import drawn_bodies, misfit
+from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution
@@ -32,7 +34,7 @@ from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tol
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import ScenePieces
 from fcdm_opt.show.sections import Touching
-from fcdm_opt.show.sensitivities import BY_NAME, WHOLE, bars
+from fcdm_opt.show.sensitivities import BY_NAME, HALF, WHOLE, Bar, bars
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.stacks import (
     BEYOND,
@@ -44,11 +46,11 @@ from fcdm_opt.show.stacks import (
     stack_notes,
 )
 from fcdm_opt.show.texts import NONE, listed, number, shown
-from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
+from fcdm_opt.show.verdict import barred_text, fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer
-FEW, MOST = 4, 8  # stack-ups of an assembly that are told one by one, and contacts that are looked at for them
+FEW = 4  # stack-ups of an assembly that are told one by one
 SQUARED, SHARED = "Root sum square, ± 3 sigma", "99.73 % of pairs drawn"
 PLACES = 6
 
@@ -99,12 +101,11 @@ def beyond_stack(scene: Scene) -> str:
 
 
 def stack_reports(assembly: Assembly, name: str = "stack") -> list[dict[str, Any]]:
-    """Return the stack-up of each contact that sizes open, where there are few, or why there is none."""
-    contacts = assembly.contacts if len(assembly.contacts) <= MOST else ()
-    numbered = enumerate(contacts, 1)
-    each = [stack_report(assembly, of=(own.one, own.two), name=f"{name}-{k}") or {} for k, own in numbered]
+    """Return the stack-up of each contact of goal "clear", of few; else the one that `stack_up` takes."""
+    pairs = assembly.kept_clear if len(assembly.kept_clear) <= FEW else ()
+    each = [stack_report(assembly, of=own, name=f"{name}-{k}") or {} for k, own in enumerate(pairs, 1)]
     opened = [own for own in each if any(share["worst"] for share in own.get("shares", ())) and not own["is_closed"]]
-    return opened if 0 < len(opened) <= FEW else [*filter(None, [stack_report(assembly, name=name)])]
+    return opened or [*filter(None, [stack_report(assembly, name=name)])]
 
 
 def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str = "stack") -> dict[str, Any] | None:
@@ -143,7 +144,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         notes.append(f"worst cases of the true parts are from {low} to {high}")
     return {
         "unit": scene.unit,
-        "of": " and ".join(of or ()),
+        "of": " and ".join(found.parts),
         "is_closed": bool(found.standing) and gaps[0] > 0.0,  # at all sizes; all that they move stays apart
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
@@ -152,7 +153,8 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         ],
         "spread": {"what": what, "ends": ends},
         "yield": {"what": f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
-                  "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"},
+                  "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"}
+                 if np.isfinite(found.limits).any() else None,
         "chart": inline_svg(gap_figure(found, drawn), name),
         "beyond": beyond,
         "shares": [finite({"size": own.size, "half": own.half, "coefficient": gap_per_unit(found, own),
@@ -164,7 +166,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
 MOST_TOLD = 4  # data without a derivative that are named
 ANSWERED = (
-    "status", "outside", "barred", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
+    "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
     "doubt", "pair_state", "usable",
 )  # fmt: skip
 """Keys of what a case, and a cell of the table of requirements, says of an answer."""
@@ -203,11 +205,10 @@ def answered(solution: Solution) -> dict[str, Any]:
     verdict = verdict_text(solution)
     return {
         "status": solution.status.name,
-        "outside": solution.status.name == "OUTSIDE_FIT",
+        "outside": texts.outcome_text(solution) * (solution.status.name == "OUTSIDE_FIT"),
         "motion": texts.motion_text(solution) if texts.seen_amount(solution) != 0.0 else "none",
         "verdict": verdict,
-        "outcome": "does not fit" if misfit(solution.problem) else texts.outcome_text(solution),
-        "barred": "no such clearance" if verdict.startswith("fits, but") else "does not fit",
+        "outcome": barred_text(solution),
         "amount_unit": solution.problem.amount_unit,
         "least": {"text": texts.shown(solution.amount) if near == "exact" else text, "near": near},
         **{key: finite(getattr(solution, key)) for key in ("amount", "lower_bound", "doubt", "pair_state", "usable")},
@@ -307,7 +308,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     every = bars(derivatives, solution.problem)
     known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
     sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
-    most = max((bar for bar in sizes if bar.value), key=lambda bar: abs(bar.value), default=None)
+    most = _most([bar for bar in sizes if bar.value], solution)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
         text = "the values hold to one side only, or for one of several motions that are as small" * bool(known)
@@ -317,7 +318,22 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     if none:
         names = texts.listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
         text += f"; no derivative by {names}"
-    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most and finite(most._asdict())}
+    return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most}
+
+
+def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
+    """Return the bar of the size that changes the amount most, with what its step does where that can be solved.
+
+    Else to first order, "about", and no further than an amount of 0: another contact may take over before.
+    """
+    if not sizes:
+        return None
+    most, problem = max(sizes, key=lambda bar: abs(bar.value)), solution.problem
+    named = {f"{own.name} of {name_of(problem, own.body == 'static')}": own for own in problem.sizes}
+    size, made = named.get(most.name) if most.note == HALF else None, problem.made or {}
+    stepped = size and usable_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
+    value = stepped.amount - solution.amount if stepped else max(most.value, -solution.amount)
+    return {**finite(most._asdict()), "value": finite(value), "about": not stepped}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.verdict import length_text
+from fcdm_opt.show.verdict import barred_text, length_text
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -162,9 +162,8 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
         "picture": picture_of(pieces, name),
         "stacks": stack_reports(assembly, f"{name}-stack"),
         "moved": solution.usable and any(map(any, texts.values_by_part(solution).values())),
-        "outside": solution.status.name == "OUTSIDE_FIT",
-        "barred": "does not fit",
-        "outcome": texts.outcome_text(solution),
+        "outside": texts.outcome_text(solution) * (solution.status.name == "OUTSIDE_FIT"),
+        "outcome": barred_text(solution),
         "motion": motion if (motion := texts.motion_text(solution)) != "-" else "none",
         "amount": texts.seen_amount(solution) if solution.status.found else None,
         "amount_unit": unit,
@@ -216,6 +215,7 @@ def study_page(result: StudyResult) -> str:
     definition = {key: value for key, value in result.definition.items() if key not in ("title", "note", "axes")}
     words = COLUMNS | {name: f"{text} ({result.unit or 'length units'})" for name, text in LENGTHS.items()}
     words |= {name: axis_text(name) for name in varied if name not in COLUMNS}
+    words |= {name: f"{name} (radians)" for name in result.angles}
     return whole_page(
         "study.html",
         scripts=("study.js",),
