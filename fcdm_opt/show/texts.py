@@ -285,7 +285,7 @@ def _with_sizes(solution: Solution) -> str:
         return solution.advice
     problem = solution.problem
     names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
-    asked, shift = need > 0.0 and not names, ""
+    asked, shift = need > 0.0 and not names and not solution.stopped, ""
     with pacing.within(TOLD):
         most = pacing.in_time(largest_clearance, problem, late=0.0) if asked else 0.0
         if asked and not most:  # what is closed stays so by this motion

@@ -68,11 +68,12 @@ def _refused_text(solution: Solution) -> str:
         proved = " (proved)" * (not solution.left_by_mesh)
         return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
-        why = barring(problem) or solution.reason
-        more = _without_clearance(problem, why)
+        late = bool(solution.stopped)  # then nothing else is asked either
+        why = solution.reason if late else barring(problem) or solution.reason
+        more = "" if late else _without_clearance(problem, why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
-        known = f"{solution.stopped}: the only motion found by then" if solution.stopped else NO_FIT
+        known = f"{solution.stopped}: the only motion found by then" if late else NO_FIT
         return more or f"{known} {where}" + f"; {why}" * bool(why)
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"

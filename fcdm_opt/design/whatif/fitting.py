@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
-TOLD = 10.0  # seconds that another question may take, which is asked only to say why there is no motion
+TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
