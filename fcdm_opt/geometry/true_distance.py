@@ -55,7 +55,7 @@ class FacePieces(NamedTuple):
         pairs = faces.every_pair_of_patches  # of which some were tangent, and sizes moved them apart: each ends there
         off, normals = misses_of_each(faces.every_edge.reshape(-1, 3), surfaces, np.repeat(pairs, 2, axis=0))
         apart = (np.abs(off) > faces.slack).any(axis=1) & (norms(cross(*normals.swapaxes(0, 1))) < ASLANT)
-        on = (~apart).reshape(-1, 2).all(axis=1).tolist()
+        on: list[bool] = np.all((~apart).reshape(-1, 2), axis=1).tolist()
         for (a, b), pair, meet in zip(ends.reshape(-1, 2).tolist(), pairs.tolist(), on, strict=True):
             for one, two in (pair, pair[::-1]) if meet else ():
                 known[min(a, b), max(a, b), one] = two
