@@ -42,11 +42,11 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return None
     if not round_surfaces(body):
         return found[0]
-    inner, near, pieces = found[0], DEFAULT.tie * body.size, list[tuple[Array, tuple[int, ...], Array, Hull]]()
+    inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
     corners = np.concatenate([part.vertices for part in inner.parts])
     for point in np.asarray(points, float).reshape(-1, 3):
-        far = norms(corners - point).min() > near
-        if far and not _on_planes(body, inner, point, near) and (own := _pieces(body, *point.tolist())):
+        far = norms(corners - point).min() > DEFAULT.tie * body.size
+        if far and (own := _pieces(body, *point.tolist())):
             pieces += own
             corners = np.concatenate([corners, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
@@ -80,7 +80,7 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
         near = [k for k in around if not any((min(k, own), max(k, own)) in faces.reentrant for own in near)]
         beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
-    if not near:
+    if not near or (not faces.is_round[near].any() and _is_within(body, point)):
         return []
     patches = [faces.patches[k] for k in near]
     every = np.array([own.gaps(point[None])[1][0] for own in patches])
@@ -96,8 +96,9 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
     if not min(width, depth) > SMALL * size:
         return []
     if len(normals) == 1:
-        across = (1.0 + 2.0 * bend) * np.outer(middle, middle)
-        one, two, _ = np.linalg.eigh(patches[0].bends(point[None])[0] + across)[1].T
+        bent = bend > 0.0
+        frame = np.linalg.eigh(patches[0].bends(point[None])[0])[1] if bent else np.linalg.svd(middle[None])[2].T
+        one, two = (frame[:, k] for k in np.argsort(np.abs(frame.T @ middle))[:2])
         directions = [one, -one, two, -two]
     elif len(normals) == 2:  # along the edge, and from it along either face
         along = units(cross(normals[0], normals[1]))
@@ -120,12 +121,11 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
     return [(corners, tuple(faces.row_at(near[k], point) for k in own), every[own], hull) for own in chosen]
 
 
-def _on_planes(body: Body, inner: Body, point: Array, near: float) -> bool:
-    """Tell whether a point is of plane faces alone, and on a body within: that may end before a bore does."""
-    faces = true_faces(body)
-    return not faces.is_round[faces.at(point)].any() and any(
-        ((part.normals @ point) - part.levels).max() <= near for part in inner.parts
-    )
+def _is_within(body: Body, point: Array) -> bool:
+    """Tell whether a body within the true one has a point: beside a bore its plane faces may end before."""
+    found, near = bounding_bodies(body), DEFAULT.tie * body.size
+    parts = () if found is None else found[0].parts
+    return any((part.normals @ point - part.levels).max() <= near for part in parts)
 
 
 def _within(patches: Sequence[Patch], point: Array) -> Array:
