@@ -332,7 +332,7 @@ def test_sizes_of_an_assembly_that_is_impossible_were_cut_off_and_its_sheet_spil
     opened = Opened(browser, (tmp_path / "report.html").as_uri(), viewport={"width": 1280, "height": 900})
     assert "beyond the tolerance" in opened.page.inner_text("#case-1")
     assert opened.page.evaluate(WIDER) == []
-    assert opened.page.inner_text(".card >> nth=1").startswith("Stack-up of the gap of lid and block, at rest")
+    assert opened.page.inner_text(".card >> nth=0").startswith("Stack-up of the gap of lid and block, at rest")
     sheets = re.findall(rb"/Type\s*/Page[^s]", opened.page.pdf(format="A4", prefer_css_page_size=True))
     assert len(sheets) == 3  # a case each, and what belongs to all
     opened.context.close()
@@ -710,7 +710,7 @@ def test_what_is_drawn_how_lay_on_the_answer_of_four_contacts_on_paper(browser, 
         opened.page.set_viewport_size({"width": width, "height": height})
         with on_paper(opened, "sheets") as pages:
             assert opened.page.evaluate(OVERLAPS) == []
-            assert pages(size) == 1 + bool(case["stacks"])
+            assert pages(size) == 1 + any("worst" in own for own in case["stacks"])
             captions = opened.page.locator(".insets text").evaluate_all(
                 "all => all.map(e => e.getBoundingClientRect())"
             )
