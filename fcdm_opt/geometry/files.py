@@ -420,7 +420,7 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
         moved = onto_planes(moved, corner[near], normals[near], -misses[near])
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
-    curved = [surface.left_by(moved[own]) for surface, own in known if not surface.flat]
+    curved = [surface.deviations(moved[own]) for surface, own in known if not surface.flat]
     left, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
     if len(known) < len(faces):
         bound = DEFAULT.tessellation * float(np.ptp(vertices, axis=0).max()) if deviation is None else deviation

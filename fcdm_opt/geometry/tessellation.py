@@ -132,7 +132,7 @@ class Swept(NamedTuple):
         origin = scale * (turn @ self.origin + shift)
         return self._replace(origin=origin, axis=turn @ self.axis, ring=scale * self.ring, radius=scale * self.radius)
 
-    def left_by(self, corners: Array) -> Array:
+    def deviations(self, corners: Array) -> Array:
         """Return how far triangles (m, 3, 3), wound outwards, stick out of a solid of that face, and fall short of it.
 
         The most of each of them, (m, 2).
@@ -175,7 +175,7 @@ class Swept(NamedTuple):
         # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
         # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
         # what is left where the rim is cut off at more than 27 degrees
-        left = self.left_by(corners)
+        left = self.deviations(corners)
         if self.line is None:
             return left
         one, two, three = corners.transpose(1, 0, 2)

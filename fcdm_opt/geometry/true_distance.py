@@ -79,7 +79,7 @@ class FacePieces(NamedTuple):
         errors = np.zeros(len(self.corners))
         for k in np.unique(self.patches).tolist():
             own = self.patches == k
-            errors[own] = patches[k].surface.left_by(self.corners[own]).max(axis=1)
+            errors[own] = patches[k].surface.deviations(self.corners[own]).max(axis=1)
         middles, on = self.middles(patches), (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
         of_each = np.repeat(self.patches, 3)[:, None]
         on = onto_each(on.reshape(-1, 3), [own.surface for own in patches], of_each).reshape(-1, 3, 3)

@@ -165,7 +165,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": texts.bound_text(solution),
         "new/old\nsizes": "\n".join(f"{x:.{texts.PLACES}g}" for x in ratio) or "-",
-        "pair made": _made_state(solution, off),
+        "pair made": _pair_state(solution, off),
         'least\n"touch"': texts.amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
     }
@@ -355,7 +355,7 @@ def print_comparison(comparison: Comparison) -> None:
             "amount": texts.amount_text(row.amount),
             "proved at least": "" if row.solution is None else texts.bound_line(row.solution),
             "motion": "-" if row.solution is None else texts.motion_text(row.solution, unit=False),
-            "pair made": _made_state(row.solution) if row.solution and row.solution.status.found else "",
+            "pair made": _pair_state(row.solution) if row.solution and row.solution.status.found else "",
             "outcome": "the question does not hold" if row.solution is None else texts.outcome_text(row.solution),
         }
         for row in comparison.table
@@ -409,7 +409,7 @@ def print_clearances(clearances: Clearances, problem: Scene, *, where: str = "")
     print_rows(rows, numbers=("gap",))
 
 
-def _made_state(solution: Bounded, off: str = "") -> str:
+def _pair_state(solution: Bounded, off: str = "") -> str:
     """Return the state of the pair made, with how far it is off; "-" after a motion that leaves the fit."""
     return "-" if solution.status.name == "OUTSIDE_FIT" else getattr(solution, "pair_state", "") + off
 
@@ -420,7 +420,7 @@ def _solved(name: str, solution: Bounded) -> dict[str, str]:
         "asked": _question_text(solution.question),
         "amount": texts.amount_text(texts.seen_amount(solution)),
         "motion": texts.motion_text(solution, unit=False),
-        "pair made": _made_state(solution),
+        "pair made": _pair_state(solution),
         "outcome": barred_text(solution),
     }
 

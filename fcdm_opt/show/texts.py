@@ -247,7 +247,8 @@ def outcome_text(solution: Bounded) -> str:
     """Return how a solve ended, in words for the cell of a table."""
     from fcdm_opt.design.whatif.fitting import without_clearance
 
-    if solution.status is Status.OUTSIDE_FIT and without_clearance(solution.question) is not None:
+    outside = solution.status is Status.OUTSIDE_FIT and not solution.stopped  # else there is no time to ask more
+    if outside and without_clearance(solution.question) is not None:
         return NOT_MET
     return "verified" if solution.usable else solution.status.words
 

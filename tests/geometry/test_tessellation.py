@@ -109,7 +109,7 @@ def test_triangles_leave_a_surface_by_what_a_fine_grid_of_points_finds(kind: str
             corners = corners[::-1]
         off, _ = surface.misses(grid @ corners)
         sampled = np.array([max(off.max(), 0.0), max(-off.min(), 0.0)])
-        found, back = surface.left_by(corners[None])[0], surface.left_by(corners[None, ::-1])[0]
+        found, back = surface.deviations(corners[None])[0], surface.deviations(corners[None, ::-1])[0]
         assert (np.array(found) >= sampled - 1e-13).all()
         more = 0.0209 if kind == "torus" else 2e-4
         assert (np.array(found) <= sampled + more * sampled.max() + 1e-13).all()
