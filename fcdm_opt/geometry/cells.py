@@ -20,6 +20,7 @@ from fcdm_opt.geometry.measures import cross, units
 from fcdm_opt.tolerances import DEFAULT
 
 Signs = NDArray[np.int8]
+MOST_DIGITS = 4096  # binary, of a point's denominator: points of three planes through drawn corners have some 500
 
 if TYPE_CHECKING:
     from flint import fmpq
@@ -152,7 +153,9 @@ class Arrangement:
         above, below = self._height(a, plane), self._height(b, plane)
         share = above / (above - below)
         point = tuple(x + share * (y - x) for x, y in zip(self.exact[a], self.exact[b], strict=True))
-        if not self.planar:  # drawn faces that are no planes: rounded now, or digits multiply from cut to cut
+        # points near a plane that count as on it, as on drawn faces that are no planes: digits multiply from cut to cut
+        self.planar = self.planar and point[0].q.bit_length() < MOST_DIGITS
+        if not self.planar:
             point = _exactly([_rounded(x) for x in point])
         self._cuts[key] = row = self._placed(point)
         on = (self.signs[:, a] == 0) & (self.signs[:, b] == 0)

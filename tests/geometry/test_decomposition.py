@@ -371,6 +371,24 @@ def test_a_deviation_is_two_lengths():
             Body.from_parts([cube], deviation=wrong, name="lid")
 
 
+def test_points_that_no_three_drawn_planes_meet_in_do_not_multiply_their_digits():
+    """Points within rounding of a plane count as on it; edges between such points are cut in ever more digits."""
+    # 40 cuts, each of the edge from the last one to a drawn point: a STEP of joined balls had millions of bits
+    rng, count = np.random.default_rng(1), 40
+    drawn = np.vstack([np.zeros(3), rng.normal(size=(count, 3))])
+    ends, walls = [drawn[0]], list[np.ndarray]()
+    for end in drawn[1:]:
+        along, share = end - ends[-1], rng.uniform(0.4, 0.6)
+        ends.append(ends[-1] + share * along)
+        walls.append(ends[-1] + np.cross(along, np.vstack([np.zeros(3), rng.normal(size=(2, 3))])))
+    space, last = Arrangement(np.concatenate([drawn, *walls]), np.arange(count + 1)), 0
+    for k in range(count):
+        first = count + 1 + 3 * k
+        last = space.cut(last, k + 1, space.plane(range(first, first + 3)))
+        assert max(int(x.q).bit_length() for x in space.exact[last]) < 4096
+        assert space.coordinates([last])[0] == pytest.approx(ends[k + 1], abs=1e-9)
+
+
 def test_solids_apart_were_cut_by_the_planes_of_each_others_facets(monkeypatch):
     """Six spheres took minutes; of two that are not convex, with room between them, cuts go through their own alone."""
     monkeypatch.setattr(Arrangement, "split", None)
