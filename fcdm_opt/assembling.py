@@ -144,7 +144,8 @@ class _Solving:
             what = f"contacts that share motions are one program: {', '.join(names)}"
             raise InputError(what, key="model", found=self._model, allowed='"auto"')
         asked = [assembly.problem(pair, parts) for pair in group]
-        if restored := self._restored(group, asked, parts):
+        restored, impossible = self._restored(group, asked, parts)
+        if restored is not None:
             return restored
         relaxed = self._relaxed(group) if self._prove else 0.0
         rounds = [Exchange.of(problem) for problem in asked]
@@ -158,6 +159,8 @@ class _Solving:
             if not any(refined):
                 break
         met = self._moved(group, parts, asked, answer, rounds)
+        if impossible and answer.q is None:
+            return met._replace(status=Status.INFEASIBLE, bound=np.inf, open_=(np.inf, np.inf))
         return met._replace(open_=open_amounts(asked, answer.q)) if assembly.amount == "weighted" else met
 
     def _moved(
@@ -192,40 +195,44 @@ class _Solving:
                 contacts[pair[:2]] = own.with_certificate(certificate, {})
         return met._replace(q=q, contacts=contacts)
 
-    def _restored(self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]) -> _Met | None:
-        """Return how shifts meet a group of contacts of true faces that touch as drawn, some round; None for others."""
-        met = [own for own in asked if own.goal != "clear"]
+    def _restored(
+        self, group: Sequence[JoinedPair], asked: Sequence[Problem], parts: Sequence[str]
+    ) -> tuple[_Met | None, bool]:
+        """Return how shifts meet a group of contacts of true faces that touch as drawn, some round; None for others.
+
+        And whether true parts cannot meet it: after the only shift that closes contacts others overlap.
+        """
+        closing, clear = ([k for k, own in enumerate(asked) if (own.goal == "clear") == which] for which in (False, True))
+        met = [asked[k] for k in closing]
         touching = [own if own.goal == "clear" else touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
-        flat = (own for own, each in zip(asked, rounds, strict=True) if each is None and own.goal != "clear")
-        plane = all(map(is_of_plane_faces, flat))
+        plane = all(rounds[k] or is_of_plane_faces(asked[k]) for k in closing)
         if not (met and plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
-            return None
+            return None, False
         found = restoring_motion(met)
         if found is None or (found.q is None and found.bound < np.inf):
-            return None
+            return None, False
         if found.q is None:
             names, slack = ", ".join(map(str, group)), DEFAULT.touch * assembly.size
-            pairs = (pair for pair, own in zip(group, asked, strict=True) if own.goal != "clear")
-            rest = zip(pairs, found.remaining, strict=True)
+            rest = zip((group[k] for k in closing), found.remaining, strict=True)
             gaps = "; ".join(f"{pair} {gap_text(max(own, key=abs), slack, assembly.unit)}" for pair, own in rest)
             why = f"{names}: {EXCLUDED}; at the shifts nearest to that {gaps}"
             answer = Answer(Status.INFEASIBLE, None, RESTORED, np.inf, (why,))
-            return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf))
-        points = iter(found.points)
-        for own, each in zip(asked, rounds, strict=True):
-            task = Task.of(own)
-            if own.goal != "clear":
-                touched = next(points)
-                if each is not None:
-                    each.add(touched)
-            elif each.refine(task.transform(found.q)) if each else not task.meets(found.q, DEFAULT.requirement):
-                return None  # what is to be clear is not: the least motion of all is another one
+            return self._moved(group, parts, asked, answer)._replace(open_=(np.inf, np.inf)), True
+        for k, points in zip(closing, found.points, strict=True):
+            if (each := rounds[k]) is not None:
+                each.add(points)
+        for k in clear:
+            own, each = asked[k], rounds[k]
+            overlap = each is not None and each.refine(Task.of(own).transform(found.q))
+            if overlap or not Task.of(each.problem if each else own).meets(found.q, DEFAULT.requirement):
+                return None, found.only  # else the least motion of all is another one
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
         known = not self._prove or all(own.motion.shifts for own in asked)
         bound = min(found.bound if known else least_restoring(met, found.q, amount), amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
-        return self._moved(group, parts, asked, answer, rounds)._replace(open_=(bound, amount))
+        moved = self._moved(group, parts, asked, answer, rounds)
+        return moved._replace(open_=(bound, amount)), False
 
     def _relaxed(self, group: Sequence[JoinedPair]) -> float:
         """Return a bound of the group's amount: each contact that one motion restores, as if there were no others."""

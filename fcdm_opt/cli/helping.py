@@ -4,7 +4,7 @@ Plain text in at most 80 columns: the overview lists commands by the question th
 options in groups and examples that run as they stand.
 
 For what takes longer stderr shows what it is at, and how far. Where stderr is a terminal a line at once and then a bar;
-elsewhere lines after `PATIENCE`, at ever longer intervals.
+elsewhere lines after `ELSEWHERE`, at ever longer intervals.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ def _lower(text: str) -> str:
     return (text[:1].lower() + text[1:]).rstrip(".")
 
 
-PATIENCE = 2.0  # seconds after which a command shows a bar, or says elsewhere that it is at work
+PATIENCE, ELSEWHERE = 2.0, 5.0  # seconds after which a command shows a bar, or says elsewhere that it is at work
 CLEARED = "\r\x1b[2K"  # what takes such a line away
 REFRESH = 0.1  # seconds between two pictures of the bar
 QUIET = 0.3  # seconds without output after which the bar is drawn again below it
@@ -230,7 +230,7 @@ class _Sign:
         self.terminal = bool(self.stream.isatty())
         self._start = self._begun = perf_counter()
         self._written = self._start - QUIET  # nothing is yet
-        self._next = 0.0 if self.terminal else PATIENCE
+        self._next = 0.0 if self.terminal else ELSEWHERE
         self._doing: tuple[str, int, int] = ("loading libraries", 0, 0)
         self._first = 0  # how many pieces were done when this began
         self._bar: Any = None

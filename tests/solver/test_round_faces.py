@@ -665,6 +665,27 @@ def test_what_is_clear_of_an_assembly_is_so_by_its_true_faces_not_by_facets(clea
     assert fo.verify(found).passed
 
 
+@pytest.mark.parametrize(("bores", "high"), [("A", 0.4), ("B", 0.4), ("AB", 0.4), ("AB", 0.3 - 1e-6)])
+def test_a_stack_that_is_too_tall_is_impossible_where_a_part_has_a_bore_too(bores: str, high: float) -> None:
+    """Blocks of 5 on each other below a ceiling .3 off: "motions were found, but the judge refused them"."""
+    hole = fo.Cylinder(1, 30, base=(0, 0, -5))
+    low, up = (fo.Box((10, 10, 5), centre=(0, 0, z), name=name) for name, z in (("A", 2.5), ("B", 7.5)))
+    low, up = (fo.cut(own, hole, name=own.name) if own.name in bores else own for own in (low, up))
+    floor, ceiling = fo.Box((16, 16, 2), centre=(0, 0, -1)), fo.Box((16, 16, 2), centre=(0, 0, 11.3))
+    rack = fo.Body.from_parts([floor.vertices, ceiling.vertices], name="rack")
+    size = fo.Size("height", "A", faces="+z", tolerance=0.8)
+    motions = dict.fromkeys("AB", fo.Translation("z"))
+    asked = fo.Assembly([rack, low, up], [("A", "rack"), ("B", "A")], [size], motions, made={"height": high})
+    found = fo.solve(asked)
+    if high > 0.3:
+        assert found.status is fo.Status.INFEASIBLE
+        assert found.amount_low == found.lower_bound == math.inf
+        assert "overlap by 0.1" in str(found)
+    else:
+        assert found.usable
+        assert found.parameters == {"A": {"TZ": 0.0}, "B": {"TZ": pytest.approx(high)}}
+
+
 def test_a_ball_in_a_cone_below_a_cap_that_is_clear_of_it_overlapped_by_facets() -> None:
     """A ball of radius 3 in a cone of 45 degrees, at 3 sqrt 2 above its apex, below a cap: nothing is to be moved."""
     cone = fo.Cone(1.0, 11.0, 10.0, base=(0, 0, 1))
