@@ -202,7 +202,7 @@ class _Solving:
 
         And whether true parts cannot meet it: after the only shift that closes contacts others overlap.
         """
-        closing, clear = ([k for k, own in enumerate(asked) if (own.goal == "clear") == which] for which in (False, True))
+        closing = [k for k, own in enumerate(asked) if own.goal != "clear"]
         met = [asked[k] for k in closing]
         touching = [own if own.goal == "clear" else touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
@@ -222,8 +222,9 @@ class _Solving:
         for k, points in zip(closing, found.points, strict=True):
             if (each := rounds[k]) is not None:
                 each.add(points)
-        for k in clear:
-            own, each = asked[k], rounds[k]
+        for own, each in zip(asked, rounds, strict=True):
+            if own.goal != "clear":
+                continue
             overlap = each is not None and each.refine(Task.of(own).transform(found.q))
             if overlap or not Task.of(each.problem if each else own).meets(found.q, DEFAULT.requirement):
                 return None, found.only  # else the least motion of all is another one
