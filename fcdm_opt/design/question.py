@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
@@ -34,7 +35,6 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, known_sizes
 from fcdm_opt.problem.syntax import contents, is_assembly
 
-ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
 _MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import check_sizes
-from fcdm_opt.curve.true_sizes import made_at, touching_true_faces
+from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.errors import InputError, known_arguments, known_word, name_list, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
-ROLES = ("movable", "static")
 FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 UNNAMED = "body"  # a body that was given no name
 CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
@@ -219,6 +218,7 @@ class Assembly(Scene):
             request |= {"scales": scales, "requirement": None, "tolerance": None}
         own = {
             "parts": bodies,
+            "drawn": bodies,
             "contacts": joined,
             "sizes": tuple(sizes),
             "motions": {part: moved[part] for part in bodies if part in moved},
@@ -274,11 +274,6 @@ class Assembly(Scene):
         """The parts at the sizes made, unscaled."""
         return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
-    @property
-    def drawn(self) -> Mapping[str, Body]:
-        """`parts`."""
-        return self.parts
-
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The parameters of all motions, in order, as "part.parameter"; weights are those in the total."""
@@ -290,19 +285,9 @@ class Assembly(Scene):
         return tuple(found)
 
     @property
-    def relations(self) -> dict[tuple[str, str], Problem]:
-        """`questions`."""
-        return self.questions
-
-    @property
     def kept_clear(self) -> tuple[tuple[str, str], ...]:
         """The two parts of each contact of goal "clear", by name: what its clearances are for."""
         return tuple(own[:2] for own in self.contacts if own.asked.get("goal") == "clear")
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """Those of `motions`."""
-        return tuple(self.motions)
 
     @property
     def scales_made(self) -> Mapping[str, float]:
@@ -320,16 +305,6 @@ class Assembly(Scene):
         around = {part: JoinedPair(part, self.fixed[0], {}) for part in self.motions}
         ways = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
         return {part: way.kinematics(np.zeros(3), np.zeros(3)) for part, way in ways.items()}
-
-    @property
-    def shifts(self) -> bool:
-        """Whether all motions only shift."""
-        return all(motion.shifts for motion in self.motions.values())
-
-    @property
-    def turning_length(self) -> float:
-        """The least of `lengths`."""
-        return min(self.lengths.values())
 
     @property
     def limit_slack(self) -> float:
@@ -481,7 +456,7 @@ class Assembly(Scene):
         return self.follows.get(pair.one) == pair.two
 
     @property
-    def questions(self) -> dict[tuple[str, str], Problem]:
+    def relations(self) -> dict[tuple[str, str], Problem]:
         """What is asked of every two parts, not both fixed, in the parameters of all motions; by the names of the two.
 
         Its contacts in order, then of others that they do not overlap, and of what keeps out of keep-outs: each part
@@ -494,6 +469,8 @@ class Assembly(Scene):
             if frozenset(pair) not in asked or (self.keeps_out(*pair) and pair not in known)
         )
         return {pair[:2]: self.problem(pair, tuple(self.motions)) for pair in (*self.contacts, *others)}
+
+    questions = relations
 
     def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
         """Return the question about two parts: in the parameters of some parts' motions, which see each other move.

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
-from fcdm_opt.curve.true_sizes import TrueContact, contacts_as_drawn, made_at
+from fcdm_opt.curve.true_sizes import ROLES, TrueContact, contacts_as_drawn, made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -261,19 +261,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return made
 
     @property
-    def drawn(self) -> dict[str, Body]:
-        """Both bodies as drawn, by their roles."""
-        return {"movable": self.request["movable"], "static": self.request["static"]}
-
-    @property
     def bodies_made(self) -> dict[str, Body]:
         """`movable` and `static`, by their roles."""
         return {"movable": self.movable, "static": self.static}
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """The movable body."""
-        return ("movable",)
 
     @property
     def scales_made(self) -> dict[str, float]:
@@ -299,17 +289,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
     @property
     def relations(self) -> dict[tuple[str, str], Problem]:
         """The problem itself: it is about two parts."""
-        return {("movable", "static"): self}
-
-    @property
-    def shifts(self) -> bool:
-        """Whether the motion only shifts."""
-        return self.motion.shifts
-
-    @property
-    def turning_length(self) -> float:
-        """`length`."""
-        return self.length
+        return {ROLES: self}
 
     @property
     def limit_slack(self) -> float:
@@ -472,7 +452,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
             case["published"] = _published(self.motion, asked["published"])
         others = [plain_keep_out(keep_out) for keep_out in self.keep_out]
         unit = {"unit": self.unit} if self.unit else {}
-        bodies = {role: {**plain_body(asked[role]), **unit} for role in ("movable", "static")}
+        bodies = {role: {**plain_body(asked[role]), **unit} for role in ROLES}
         more = {"keep_out": others, "size": [size.to_dict() for size in self.sizes]}
         return {"bodies": bodies, **{key: value for key, value in more.items() if value}, "case": [case]}
 
@@ -622,7 +602,10 @@ def _resolved(
         "contacts": several,
         **made,
         "request": request,
+        "drawn": {role: request[role] for role in ROLES},
+        "motions": {"movable": asked.motion},
         "length": length,
+        "lengths": {"movable": length},
         "weights": frozen([asked.weights.get(name, usual[name]) for name in names]),
         "limits": frozen([asked.limits.get(name, free) for name in names]),
         "resolution": None if steps is None else frozen([steps.get(name, 0.0) for name in names]),
@@ -665,7 +648,7 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     sizes, made = request["sizes"], request["made"]
     names = [size.name for size in sizes]
     for size in sizes:
-        if size.body not in ("movable", "static"):
+        if size.body not in ROLES:
             allowed = '"movable" or "static"'
             raise InputError("no such body", key=f"size '{size.name}'.body", found=size.body, allowed=allowed)
         size.offsets(request[size.body])  # refused here if its faces are not there, whatever is made
@@ -685,7 +668,7 @@ def _exact(request: Mapping[str, Any], parts: Mapping[str, Any], points: Mapping
     """Return the bodies made, exact at points of their round faces and elsewhere within the true ones."""
     if unknown := points.keys() - {"movable", "static"}:
         raise InputError("no such body", key="exact_at", found=min(unknown), allowed='"movable", "static"')
-    own = {role: parts.get(role, request[role]) for role in ("movable", "static")}
+    own = {role: parts.get(role, request[role]) for role in ROLES}
     made = {role: exact_at(body, np.reshape(points.get(role, ()), (-1, 3))) for role, body in own.items()}
     for role, body in made.items():
         if body is None:
@@ -699,7 +682,7 @@ def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, di
 
 
 def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
-    return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
+    return {role: tuple(size for size in sizes if size.body == role) for role in ROLES}
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tuple[dict[str, Any], Indices | None]:
@@ -714,7 +697,7 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tupl
     def contacts(share: float) -> dict[str, Any]:
         """Return them at a share of what is made."""
         its, made = {role: {size: share * x for size, x in own.items()} for role, own in values.items()}, []
-        for role, body in zip(("movable", "static"), active, strict=True):
+        for role, body in zip(ROLES, active, strict=True):
             whole = parts[role] if share == 1.0 else resized(request[role], its[role])
             same = indices is not None and len(whole.parts) == len(request[role].parts)
             made.append(whole.subset(body.part_indices) if same else whole)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from fcdm_opt.errors import FcdmError
@@ -32,6 +33,9 @@ class Scene(ABC):
 
     name: str
     unit: UnitOrNone
+    drawn: Mapping[str, Body]  # the parts as drawn, by the names that `sizes` have for them
+    motions: Mapping[str, Motion]  # of the parts that move, by the same names
+    lengths: Mapping[str, float]  # that turn their radians into lengths
     amount: Any
     sizes: tuple[Size, ...]
     made: Any
@@ -68,18 +72,13 @@ class Scene(ABC):
 
     @property
     @abstractmethod
-    def drawn(self) -> Mapping[str, Body]:
-        """The parts as drawn, by the names that `sizes` have for them."""
-
-    @property
-    @abstractmethod
     def bodies_made(self) -> Mapping[str, Body]:
         """The parts at the sizes made, unscaled, by the same names."""
 
     @property
-    @abstractmethod
     def moving(self) -> tuple[str, ...]:
         """The parts with a motion, by the same names."""
+        return tuple(self.motions)
 
     @property
     @abstractmethod
@@ -107,14 +106,14 @@ class Scene(ABC):
         """What is asked of every two parts that may meet, in the parameters of all motions; by the parts' names."""
 
     @property
-    @abstractmethod
     def shifts(self) -> bool:
         """Whether all motions only shift."""
+        return all(motion.shifts for motion in self.motions.values())
 
     @property
-    @abstractmethod
     def turning_length(self) -> float:
         """Length that turns radians into lengths, of several the least."""
+        return min(self.lengths.values())
 
     @property
     @abstractmethod
@@ -130,6 +129,11 @@ class Scene(ABC):
     def amount_unit(self) -> str:
         """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
         return self.unit if isinstance(self.amount, str) else ""
+
+    def by_part(self, values: Iterable[float]) -> dict[str, list[float]]:
+        """Return values of the parameters of all motions, in order, as those of each part that moves."""
+        each = iter(values)
+        return {part: [*islice(each, len(motion.names))] for part, motion in self.motions.items()}
 
     @abstractmethod
     def changed(self, **arguments: Any) -> Self:

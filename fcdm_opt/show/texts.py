@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.size import direction
@@ -181,9 +180,8 @@ def motion_text(solution: Bounded, *, unit: bool = True) -> str:
 
 def values_by_part(solution: Bounded) -> dict[str, list[float]]:
     """Return the values of the motion of each part of an assembly, 0 for rounding; none without motions."""
-    scene = cast("Assembly", solution.question)
-    values = iter(telling(scene, [*solution.coordinates.values()]))
-    return {part: [*islice(values, len(motion.names))] for part, motion in scene.motions.items()}
+    scene: Scene = solution.question
+    return scene.by_part(telling(scene, [*solution.coordinates.values()]))
 
 
 def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:

@@ -125,8 +125,7 @@ class Sampler:
     @cached_property
     def weights(self) -> tuple[float, ...]:
         """Weights of the parameters in the amount, nothing for an amount that is not the weighted one."""
-        weighted = getattr(self.scene, "amount", "weighted") == "weighted"
-        return tuple(own.weight for own in self.scene.coordinates) if weighted else ()
+        return tuple(own.weight for own in self.scene.coordinates) if self.scene.amount == "weighted" else ()
 
     @property
     def late(self) -> bool:
@@ -239,7 +238,7 @@ def active_set(solution: Bounded) -> ActiveSet:
     for x, own in zip(q.tolist(), scene.coordinates, strict=True):
         for limit, which in zip(own.limits, ("lower", "upper"), strict=True):
             limits += [f"{which} limit of {own.name}"] * (abs(x - limit) * own.weight <= slack)
-    kinked = getattr(scene, "amount", "weighted") != "weighted"  # the weighted amount is known by its motion
+    kinked = scene.amount != "weighted"  # the weighted amount is known by its motion
     for pair, problem in scene.relations.items():
         head = "" if problem is scene else f"{' - '.join(pair)}: "
         holding = Holding(task := Task.of(problem), q, Layout.of(task), problem.limits)
