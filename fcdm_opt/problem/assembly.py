@@ -34,8 +34,8 @@ from fcdm_opt.problem.arguments import by_parameter, interval, items, positive, 
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Corner, Requirement
-from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.scene import Coordinate, Scene
+from fcdm_opt.problem.problem import FREE, SIGNS, Problem
+from fcdm_opt.problem.scene import Coordinate, Scene, lengths_of
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
-FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 UNNAMED = "body"  # a body that was given no name
 CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
 CORNERS = ("worst", "loosest", "low", "high", "middle")
@@ -216,14 +215,17 @@ class Assembly(Scene):
         if requirement is not None or tolerance is not None:
             scales = _off_by(requirement, tolerance, scales, bodies, moved)
             request |= {"scales": scales, "requirement": None, "tolerance": None}
+        made_at_scales = dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies)
         own = {
             "parts": bodies,
             "drawn": bodies,
+            **lengths_of(*bodies.values()),
             "contacts": joined,
             "sizes": tuple(sizes),
             "motions": {part: moved[part] for part in bodies if part in moved},
             "follows": leaders,
-            "scales": dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies),
+            "scales": made_at_scales,
+            "scales_made": made_at_scales,
             "made": deviations,
             "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
@@ -241,7 +243,14 @@ class Assembly(Scene):
             "_problems": {},
             "_alike": None,
         }
-        vars(self).update(own)
+        vars(self).update(own, limit_slack=DEFAULT.requirement * max(body.size for body in bodies.values()))
+        coordinates = list[Coordinate]()  # whose weights are those in the total
+        for part, motion in self.motions.items():
+            each = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
+            for (parameter, kind), weight in zip(motion.parameters, each, strict=True):
+                ends = self.limits[part].get(parameter, FREE)
+                coordinates.append(Coordinate(f"{part}.{parameter}", kind, weight, ends))
+        object.__setattr__(self, "coordinates", tuple(coordinates))
         if amount == "displacement":
             what = "the largest displacement is of one part, and here several may move"
             allowed = '"weighted", or an expression of all parameters, "PART.PARAMETER"'
@@ -264,35 +273,15 @@ class Assembly(Scene):
             with placed(key=f"contacts[{k}] '{pair}'"):
                 self.problem(pair)
 
-    @property
-    def size(self) -> float:
-        """Length that relative tolerances refer to: the largest box diagonal of a part as drawn."""
-        return max(body.size for body in self.parts.values())
-
     @cached_property
     def bodies_made(self) -> dict[str, Body]:
         """The parts at the sizes made, unscaled."""
         return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
-    @cached_property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The parameters of all motions, in order, as "part.parameter"; weights are those in the total."""
-        found = list[Coordinate]()
-        for part, motion in self.motions.items():
-            weights = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
-            for (name, kind), weight in zip(motion.parameters, weights, strict=True):
-                found.append(Coordinate(f"{part}.{name}", kind, weight, self.limits[part].get(name, FREE)))
-        return tuple(found)
-
     @property
     def kept_clear(self) -> tuple[tuple[str, str], ...]:
         """The two parts of each contact of goal "clear", by name: what its clearances are for."""
         return tuple(own[:2] for own in self.contacts if own.asked.get("goal") == "clear")
-
-    @property
-    def scales_made(self) -> Mapping[str, float]:
-        """`scales`."""
-        return self.scales
 
     @property
     def nominal_scales(self) -> dict[str, float]:
@@ -306,16 +295,6 @@ class Assembly(Scene):
         ways = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
         return {part: way.kinematics(np.zeros(3), np.zeros(3)) for part, way in ways.items()}
 
-    @property
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-        return DEFAULT.requirement * self.size
-
-    @property
-    def contact_slack(self) -> float:
-        """Gap up to which two parts touch, length units, relative to the smallest one."""
-        return max(DEFAULT.touch * min(body.size for body in self.parts.values()), DEFAULT.tie * self.size)
-
     def changed(self, **arguments: Any) -> Assembly:
         """Return the same question with other arguments; raises as the constructor does.
 
@@ -323,7 +302,8 @@ class Assembly(Scene):
         """
         if arguments.keys() == {"scales"}:
             other, scales = object.__new__(Assembly), _numbers(arguments["scales"], "scales", self.parts)
-            own = {"scales": dict.fromkeys(self.parts, 1.0) | scales, "request": {**self.request, **arguments}}
+            scales = dict.fromkeys(self.parts, 1.0) | scales
+            own = {"scales": scales, "scales_made": scales, "request": {**self.request, **arguments}}
             vars(other).update(vars(self) | own | {"_alike": self._alike or self, "_problems": {}})
             other._check_contacts()
             return other

@@ -19,6 +19,7 @@ from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.active_parts import Indices
+from fcdm_opt.problem.scene import lengths_of
 from fcdm_opt.tolerances import DEFAULT
 
 TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
@@ -45,14 +46,11 @@ class NominalContact:
     goal: str | None
     features: Any
     contacts: Any
+    size: float
+    contact_slack: float
 
     def __init__(self, **values: Any) -> None:
-        self.__dict__.update(values)
-
-    @property
-    def size(self) -> float:
-        """Length that relative tolerances refer to: the larger box diagonal of the bodies as drawn."""
-        return max(self.movable.size, self.static.size)
+        self.__dict__.update(lengths_of(values["movable"], values["static"]), **values)
 
     @property
     def partial(self) -> bool:
@@ -63,14 +61,6 @@ class NominalContact:
     def active_indices(self) -> Indices | None:
         """The numbers, from 0, of the parts of either body that are looked at; None where all are."""
         return (np.array(self.active[0].part_indices), np.array(self.active[1].part_indices)) if self.partial else None
-
-    @property
-    def contact_slack(self) -> float:
-        """Gap up to which a pair touches, length units.
-
-        Relative to the smaller body, but no less than rounding at the larger one allows.
-        """
-        return max(DEFAULT.touch * min(self.movable.size, self.static.size), DEFAULT.tie * self.size)
 
     @cached_property
     def curve(self) -> DecisionCurve:

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
+FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 SCALES = ("rho_1", "rho_2")  # names of the scales of the movable and of the static body
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
@@ -266,11 +267,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return {"movable": self.movable, "static": self.static}
 
     @property
-    def scales_made(self) -> dict[str, float]:
-        """The target pair, by roles."""
-        return dict(zip(self.drawn, self.target.tolist(), strict=True))
-
-    @property
     def nominal_scales(self) -> dict[str, float]:
         """The nominal pair, by `SCALES`."""
         return dict(zip(SCALES, self.nominal_pair.tolist(), strict=True))
@@ -281,20 +277,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return {"movable": self.motion.kinematics(self.movable.seed, self.static.seed)}
 
     @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The motion's parameters with weights and limits."""
-        rows = zip(self.motion.parameters, self.weights.tolist(), self.limits.tolist(), strict=True)
-        return tuple(Coordinate(*own, weight, (low, high)) for own, weight, (low, high) in rows)
-
-    @property
     def relations(self) -> dict[tuple[str, str], Problem]:
         """The problem itself: it is about two parts."""
         return {ROLES: self}
-
-    @property
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-        return DEFAULT.requirement * self.length
 
     def __repr__(self) -> str:
         """Return what is asked, on one line; everything else is an attribute."""
@@ -579,8 +564,10 @@ def _resolved(
         contact = NominalContact(**{**(request if as_asked else vars(contact)), **parts, "goal": goal})
     length = asked.movable.size / 2 if asked.length is None else asked.length
     usual = asked.motion.by_name(asked.motion.weights(length))
-    free = (-math.inf, math.inf)
     steps = asked.resolution
+    weights = frozen([asked.weights.get(name, usual[name]) for name in names])
+    limits = frozen([asked.limits.get(name, FREE) for name in names])
+    rows = zip(asked.motion.parameters, weights.tolist(), limits.tolist(), strict=True)
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
@@ -606,8 +593,10 @@ def _resolved(
         "motions": {"movable": asked.motion},
         "length": length,
         "lengths": {"movable": length},
-        "weights": frozen([asked.weights.get(name, usual[name]) for name in names]),
-        "limits": frozen([asked.limits.get(name, free) for name in names]),
+        "limit_slack": DEFAULT.requirement * length,
+        "coordinates": tuple(Coordinate(name, kind, x, (low, high)) for (name, kind), x, (low, high) in rows),
+        "weights": weights,
+        "limits": limits,
         "resolution": None if steps is None else frozen([steps.get(name, 0.0) for name in names]),
         "features": features,
     }
@@ -786,7 +775,7 @@ def _check_several(asked: Arguments) -> None:
 def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str, Any]:
     """Return the tolerance, a row (minus, plus) a body, and the target pair."""
     if request["requirement"] is None:
-        return {"tolerance": None, "target": frozen(request["target"])}
+        return {"tolerance": None, **_target_of(request["target"])}
     both = request["tolerance"]
     both = (both, both) if isinstance(both, float) else both
     tolerance = frozen([(share, share) if isinstance(share, float) else share for share in both])
@@ -796,4 +785,8 @@ def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str
         what = f"requirement {request['requirement']} would make the scales {target}"
         allowed = "below 1 (100 %) where a body is made smaller"
         raise InputError(what, key="tolerance", found=request["tolerance"], allowed=allowed)
-    return {"tolerance": tolerance, "target": frozen(target)}
+    return {"tolerance": tolerance, **_target_of(target)}
+
+
+def _target_of(scales: Sequence[float]) -> dict[str, Any]:
+    return {"target": frozen(scales), "scales_made": dict(zip(ROLES, map(float, scales), strict=True))}

@@ -13,6 +13,7 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.motion.motions import Kind, Motion
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.motion.kinematics import Kinematics
@@ -28,6 +29,15 @@ class Coordinate(NamedTuple):
     limits: tuple[float, float]  # length units or radians, infinite where none is given
 
 
+def lengths_of(*bodies: Body) -> dict[str, float]:
+    """Return `size` and `contact_slack` of bodies: relative to the smallest, and no less than rounding at the largest.
+
+    The latter in the gap up to which two of them touch.
+    """
+    sizes = [body.size for body in bodies]
+    return {"size": max(sizes), "contact_slack": max(DEFAULT.touch * min(sizes), DEFAULT.tie * max(sizes))}
+
+
 class Scene(ABC):
     """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several."""
 
@@ -35,7 +45,12 @@ class Scene(ABC):
     unit: UnitOrNone
     drawn: Mapping[str, Body]  # the parts as drawn, by the names that `sizes` have for them
     motions: Mapping[str, Motion]  # of the parts that move, by the same names
+    scales_made: Mapping[str, float]  # of the parts made, by the same names
+    size: float  # length that relative tolerances refer to: the largest box diagonal of a part as drawn
+    contact_slack: float  # gap up to which a pair touches, length units
+    limit_slack: float  # amount by which the judge lets a limit be passed
     lengths: Mapping[str, float]  # that turn their radians into lengths
+    coordinates: tuple[Coordinate, ...]  # the parameters of all motions, in order
     amount: Any
     sizes: tuple[Size, ...]
     made: Any
@@ -61,11 +76,6 @@ class Scene(ABC):
         return repr((self.name, self.coordinates, *self.scales_made.items(), *sorted((self.made or {}).items())))
 
     @property
-    @abstractmethod
-    def size(self) -> float:
-        """Length that relative tolerances refer to."""
-
-    @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies of the question, at the sizes made: its parts, and those of the keep-outs."""
         return (*self.bodies_made.values(), *(keep_out.body for keep_out in self.keep_out))
@@ -82,11 +92,6 @@ class Scene(ABC):
 
     @property
     @abstractmethod
-    def scales_made(self) -> Mapping[str, float]:
-        """The scales of the parts made, by the same names."""
-
-    @property
-    @abstractmethod
     def nominal_scales(self) -> Mapping[str, float]:
         """The nominal scales of the parts, in their order, by what they are called beside `sizes`."""
 
@@ -94,11 +99,6 @@ class Scene(ABC):
     @abstractmethod
     def kinematics(self) -> Mapping[str, Kinematics]:
         """The pose change in the world of each part that moves, by the parameters of all motions."""
-
-    @property
-    @abstractmethod
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The parameters of all motions, in order."""
 
     @property
     @abstractmethod
@@ -114,16 +114,6 @@ class Scene(ABC):
     def turning_length(self) -> float:
         """Length that turns radians into lengths, of several the least."""
         return min(self.lengths.values())
-
-    @property
-    @abstractmethod
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-
-    @property
-    @abstractmethod
-    def contact_slack(self) -> float:
-        """Gap up to which a pair touches, length units."""
 
     @property
     def amount_unit(self) -> str:
