@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.errors import InputError, expected
@@ -29,20 +29,8 @@ OF_ANSWER = ("case", "status", "usable", "amount", "lower_bound")
 OF_ALL = ("usable", "amount", "lower_bound", "gap", "amount_low", "amount_high")
 
 
-class SolvedCases(Mapping[str, Any], NotebookRepr):
+class SolvedCases(dict[str, Any], NotebookRepr):
     """Solutions by the name of their case, in order; `print` shows their verdicts, `to_frame` gives one table."""
-
-    def __init__(self, solutions: Mapping[str, Bounded]) -> None:
-        self._solutions = dict(solutions)
-
-    def __getitem__(self, name: str) -> Any:
-        return self._solutions[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._solutions)
-
-    def __len__(self) -> int:
-        return len(self._solutions)
 
     def __str__(self) -> str:
         return "\n".join(str(solution).splitlines()[0] for solution in self.values())

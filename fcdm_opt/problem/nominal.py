@@ -40,6 +40,7 @@ class NominalContact:
     movable: Body
     static: Body
     active: tuple[Body, Body]
+    partial: bool  # whether these are only some of the parts of large bodies
     nominal: int | Literal["drawn"] | tuple[float, float]
     box: Box
     snap: float
@@ -50,12 +51,8 @@ class NominalContact:
     contact_slack: float
 
     def __init__(self, **values: Any) -> None:
-        self.__dict__.update(lengths_of(values["movable"], values["static"]), **values)
-
-    @property
-    def partial(self) -> bool:
-        """Whether only some of the parts of large bodies are looked at, see `active`."""
-        return self.active[0] is not self.movable
+        bodies = values["movable"], values["static"]
+        self.__dict__.update(values, **lengths_of(*bodies), partial=values["active"][0] is not bodies[0])
 
     @property
     def active_indices(self) -> Indices | None:

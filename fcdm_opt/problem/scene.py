@@ -125,6 +125,11 @@ class Scene(ABC):
         each = iter(values)
         return {part: [*islice(each, len(motion.names))] for part, motion in self.motions.items()}
 
+    def motion_texts(self, values: Iterable[float]) -> dict[str, str]:
+        """Return a motion in words, by the parts that move."""
+        own = self.by_part(values)
+        return {part: motion.describe(own[part], unit=self.unit) for part, motion in self.motions.items()}
+
     @abstractmethod
     def changed(self, **arguments: Any) -> Self:
         """Return the same question with other arguments."""

@@ -564,5 +564,5 @@ def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
 
 def motion_in_words(question: Scene, q: Array) -> str:
     """Return a motion in words, of an assembly part by part."""
-    each = [(part, question.motions[part].describe(x, unit=question.unit)) for part, x in question.by_part(q).items()]
+    each = question.motion_texts(q.tolist()).items()
     return ", ".join(f"{part} {told}" if isinstance(question, Assembly) else told for part, told in each)
