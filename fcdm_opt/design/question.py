@@ -30,7 +30,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, with_defaults
+from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, each, with_defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, known_sizes
 from fcdm_opt.problem.syntax import contents, is_assembly
@@ -248,11 +248,8 @@ class SceneTables:
     @cached_property
     def checked_sizes(self) -> tuple[Size, ...]:
         """The sizes themselves; raises `InputError` for what is none."""
-        found = []
-        for k, table in enumerate(self.sizes, 1):
-            with placed(key=f"size[{k}]"):
-                found.append(checked(PartSizeEntry if self.assembled else SizeEntry, table).size())
-        return tuple(found)
+        kind = PartSizeEntry if self.assembled else SizeEntry
+        return tuple(each("size", [lambda own=own: checked(kind, own).size() for own in self.sizes]))
 
     def check(self) -> None:
         """Refuse tables that are no bodies or sizes; reads and builds nothing."""

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.size import direction
+from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, mending_turn, sizes_that_lack, verdict
 from fcdm_opt.problem.solution import Solution, Status
 
 if TYPE_CHECKING:
@@ -278,7 +280,6 @@ def advised(case: SolvedCase) -> str:
 def _with_sizes(solution: Solution) -> str:
     """Return the advice of an answer; of widths that do not go together, and of a clearance, what mends them."""
     from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, opening_shift
-    from fcdm_opt.problem.fit import mending_turn, sizes_that_lack, verdict
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
@@ -304,9 +305,6 @@ def _with_sizes(solution: Solution) -> str:
 
 def _unfit(problem: Problem) -> str:
     """Return why two parts do not fit however little they are off what is drawn: widths, or how deep they overlap."""
-    from fcdm_opt.geometry.solids import depth_as_drawn
-    from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, verdict
-
     widths = verdict(problem.deviating(ALMOST)).partition(": ")[2]
     depth = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)
     if not widths and depth > problem.contact_slack:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from fcdm_opt.design.sizes import by_name
 from fcdm_opt.design.whatif.constraints import constraints
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Translation
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import has_motion, solve
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.assembly import Assembly
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for

@@ -18,6 +18,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import floored, measured, signed
+from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.assembly import Assembly
@@ -115,7 +116,6 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
     limits are those of pairs drawn. `name` begins the identifiers of its chart.
     """
     from fcdm_opt.design.stack.stack_up import stack_up
-    from fcdm_opt.judge.certificate import verify
 
     if not scene.sizes:
         return None
