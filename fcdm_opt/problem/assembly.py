@@ -268,7 +268,6 @@ class Assembly(Scene):
         return f"Assembly({self.name!r}: {'; '.join(texts)}{f', {self.unit}' if self.unit else ''})"
 
     def _check_contacts(self) -> None:
-        """Refuse what cannot be asked of two parts."""
         for k, pair in enumerate(self.contacts, 1):
             with placed(key=f"contacts[{k}] '{pair}'"):
                 self.problem(pair)

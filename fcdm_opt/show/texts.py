@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt import pacing
+from fcdm_opt.errors import counted as counted  # as what speaks of results knows it
 from fcdm_opt.geometry.size import direction
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
@@ -55,11 +56,6 @@ def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
 def share_text(share: float, digits: int = 2) -> str:
     """Return a share of all pairs in per cent; of one that is nan that it is not known."""
     return "undecided" if math.isnan(share) else f"{share:.{digits}%}"
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things: "1 part", "2 parts"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

@@ -162,11 +162,10 @@ def compare(
 
 def _usual(problem: Any) -> dict[str, Motion | None]:
     """Return the usual families, and what is asked where that is none of them."""
-    usual, several = families(), isinstance(problem, Assembly)
-    own = [*problem.motions.values()] if several else [problem.motion]
+    usual, own = families(), problem.motions.values()
     if any(all(motion.steps == each.steps for each in own) for motion in usual.values()):
         return {**usual}
-    return {OWN: None if several else problem.motion, **usual}
+    return {OWN: None if isinstance(problem, Assembly) else problem.motion, **usual}
 
 
 def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion | None]:

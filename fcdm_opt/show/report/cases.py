@@ -216,7 +216,6 @@ def answered(solution: Solution) -> dict[str, Any]:
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
-    """Return question and answer."""
     solution = case.solution
     every = [text for text in remarks(solution) if text not in beyond_tolerances(problem)]
     said = [text for text in every if not isinstance(text, GoodNews)]
@@ -337,7 +336,6 @@ def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
-    """Return the bodies and all frames."""
     problem = problem if solution.problem.exact_at is None else solution.problem.reformulated
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
     seen = window(problem, solution, far)
