@@ -35,7 +35,7 @@ from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Corner, Requirement
 from fcdm_opt.problem.problem import FREE, SIGNS, Problem
-from fcdm_opt.problem.scene import Coordinate, Scene, lengths_of
+from fcdm_opt.problem.scene import AnyScene, Coordinate, lengths_of
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -82,7 +82,7 @@ class JoinedPair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Assembly(Scene):
+class Assembly(AnyScene):
     """The question: which motions of several parts, as small as possible together, restore all their contacts.
 
     Parameters

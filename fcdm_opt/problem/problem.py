@@ -51,7 +51,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
-from fcdm_opt.problem.scene import Coordinate, Scene
+from fcdm_opt.problem.scene import AnyScene, Coordinate
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -76,7 +76,7 @@ HALVINGS = 7  # of the sizes made, to where contacts as drawn are last there
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(NominalContact, Scene, NotebookRepr):
+class Problem(NominalContact, AnyScene, NotebookRepr):
     """The question: which smallest motion brings the parts actually made into the intended contact.
 
     The arguments are what the user asks; the attributes of the same name hold what that means (`goal`, `target`,

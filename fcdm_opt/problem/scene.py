@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.bodies import Body
@@ -16,7 +15,7 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.motion.kinematics import Kinematics
+    from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
 
 
@@ -38,8 +37,11 @@ def lengths_of(*bodies: Body) -> dict[str, float]:
     return {"size": max(sizes), "contact_slack": max(DEFAULT.touch * min(sizes), DEFAULT.tie * max(sizes))}
 
 
-class Scene(ABC):
-    """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several."""
+class AnyScene:
+    """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several.
+
+    Further members that both have say there what they are: relations, kinematics, changed, with_motion and so on.
+    """
 
     name: str
     unit: UnitOrNone
@@ -58,7 +60,7 @@ class Scene(ABC):
     resolution: Any
     request: Mapping[str, Any]
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self: Any, other: object) -> bool:
         """Tell whether another question asks the same, of the same bodies and the same parts of these."""
         if self is other or not isinstance(other, type(self)) or self._key_data != other._key_data:
             return self is other
@@ -76,34 +78,14 @@ class Scene(ABC):
         return repr((self.name, self.coordinates, *self.scales_made.items(), *sorted((self.made or {}).items())))
 
     @property
-    def bodies(self) -> tuple[Body, ...]:
+    def bodies(self: Any) -> tuple[Body, ...]:
         """All bodies of the question, at the sizes made: its parts, and those of the keep-outs."""
         return (*self.bodies_made.values(), *(keep_out.body for keep_out in self.keep_out))
-
-    @property
-    @abstractmethod
-    def bodies_made(self) -> Mapping[str, Body]:
-        """The parts at the sizes made, unscaled, by the same names."""
 
     @property
     def moving(self) -> tuple[str, ...]:
         """The parts with a motion, by the same names."""
         return tuple(self.motions)
-
-    @property
-    @abstractmethod
-    def nominal_scales(self) -> Mapping[str, float]:
-        """The nominal scales of the parts, in their order, by what they are called beside `sizes`."""
-
-    @property
-    @abstractmethod
-    def kinematics(self) -> Mapping[str, Kinematics]:
-        """The pose change in the world of each part that moves, by the parameters of all motions."""
-
-    @property
-    @abstractmethod
-    def relations(self) -> Mapping[tuple[str, str], Problem]:
-        """What is asked of every two parts that may meet, in the parameters of all motions; by the parts' names."""
 
     @property
     def shifts(self) -> bool:
@@ -130,36 +112,13 @@ class Scene(ABC):
         own = self.by_part(values)
         return {part: motion.describe(own[part], unit=self.unit) for part, motion in self.motions.items()}
 
-    @abstractmethod
-    def changed(self, **arguments: Any) -> Self:
-        """Return the same question with other arguments."""
-
-    def scales_at(self, values: Mapping[str, float]) -> dict[str, float]:
+    def scales_at(self: Any, values: Mapping[str, float]) -> dict[str, float]:
         """Return the scales of the parts, by their names, where some sizes and scales have values: others as made."""
         named = zip(self.nominal_scales, self.scales_made.items(), strict=True)
         return {part: values.get(name, scale) for name, (part, scale) in named}
 
-    @abstractmethod
-    def with_sizes(self, values: Mapping[str, float]) -> Self:
-        """Return the same question with other sizes or scales made, by the names of these."""
 
-    @abstractmethod
-    def with_limits(self, name: str, limits: tuple[float, float]) -> Self:
-        """Return the same question with other limits of a coordinate."""
-
-    @abstractmethod
-    def with_motion(self, motion: Motion) -> tuple[Self, tuple[str, ...]]:
-        """Return the same question about another motion, of all parts that move, and what it says no more by that."""
-
-    @abstractmethod
-    def deviating(self, share: float) -> Self:
-        """Return the same question with a share of the deviation from nominal, or from drawn."""
-
-    @abstractmethod
-    def to_dict(self) -> dict[str, Any]:
-        """Return the question as plain data."""
-
-    @property
-    @abstractmethod
-    def deviates(self) -> bool:
-        """Whether the parts made are off nominal, or off what is drawn."""
+if TYPE_CHECKING:
+    Scene: TypeAlias = Problem | Assembly  # of which a check of types knows all that both have
+else:
+    Scene = AnyScene

@@ -21,9 +21,10 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import scene_of
 from fcdm_opt.problem.nominal import FIT
-from fcdm_opt.problem.problem import SCALES
+from fcdm_opt.problem.problem import SCALES, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import IMPOSSIBLE, Bounded, Status
 from fcdm_opt.solver import solve
@@ -209,7 +210,7 @@ def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, ...], 
 
     Without a `box`, (k, 2), it is what the tolerances leave open. Raises `InputError` for what has no map.
     """
-    expected(scene, Scene, "problem")
+    expected(scene, (Problem, Assembly), "problem")
     if any(problem.goal == "beyond" for problem in scene.relations.values()):
         what = "the amount of this goal jumps wherever the deviation changes sign, so it has no map"
         raise InputError(what, key="goal", found="beyond", allowed='"touch", "clear", "at" or "seat"')

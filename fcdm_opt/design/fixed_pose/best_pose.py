@@ -558,7 +558,6 @@ def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
     """Return the pose of each part of an assembly, or that of the movable part of two, under the name ""."""
     if isinstance(question, Assembly):
         return dict(question.poses(question.by_part(q.tolist())))
-    assert isinstance(question, Problem)
     return {"": question.motion.transform(q, question.movable.seed, question.static.seed)}
 
 

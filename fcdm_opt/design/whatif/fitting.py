@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from functools import lru_cache, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from fcdm_opt.design.sizes import by_name
 from fcdm_opt.design.whatif.constraints import constraints
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Translation
-from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
@@ -74,7 +73,7 @@ def without_clearance(scene: Scene) -> Any:
     """Return the answer to a question without its clearances, as `usable_answer`; None of one that has none."""
     if isinstance(scene, Problem):
         return usable_answer(scene, clearance=0.0) if scene.goal == "clear" and scene.clearance > 0.0 else None
-    contacts = cast("Assembly", scene).contacts
+    contacts = scene.contacts
     if not any(own.asked.get("clearance") for own in contacts):
         return None
     return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])

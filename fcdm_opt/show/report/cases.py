@@ -121,7 +121,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         return None
     try:
         with pacing.looking(STACKED):
-            found = stack_up(scene, of=of)  # type: ignore[arg-type]
+            found = stack_up(scene, of=of)
             worst, spread = found.worst(), found.root_sum_square()
             noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
             gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
