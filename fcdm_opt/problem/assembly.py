@@ -155,6 +155,7 @@ class Assembly(AnyScene):
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
     resolution: Mapping[str, Any]
     fixed: tuple[str, ...]
+    nominal_scales: Mapping[str, float]  # as drawn, by where cases have them, "scales.PART"
     _problems: dict[tuple[Any, ...], Problem]
     _alike: Assembly | None  # of other scales, whose problems are asked again for these
 
@@ -226,6 +227,7 @@ class Assembly(AnyScene):
             "follows": leaders,
             "scales": made_at_scales,
             "scales_made": made_at_scales,
+            "nominal_scales": {f"scales.{part}": 1.0 for part in bodies},
             "made": deviations,
             "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
@@ -281,11 +283,6 @@ class Assembly(AnyScene):
     def kept_clear(self) -> tuple[tuple[str, str], ...]:
         """The two parts of each contact of goal "clear", by name: what its clearances are for."""
         return tuple(own[:2] for own in self.contacts if own.asked.get("goal") == "clear")
-
-    @property
-    def nominal_scales(self) -> dict[str, float]:
-        """As drawn, by where cases have them, "scales.PART"."""
-        return {f"scales.{part}": 1.0 for part in self.parts}
 
     @cached_property
     def kinematics(self) -> dict[str, Kinematics]:

@@ -172,6 +172,7 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         Names the argument, what was found and what is allowed.
     """
 
+    bodies_made: Mapping[str, Body]
     tolerance: Any
     requirement: Requirement | None
     target: Array
@@ -260,11 +261,6 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         made = object.__new__(Problem)
         made.__dict__.update({**own, **nominal, "request": request, "of_facets": drawn, "_reformulated": self})
         return made
-
-    @property
-    def bodies_made(self) -> dict[str, Body]:
-        """`movable` and `static`, by their roles."""
-        return {"movable": self.movable, "static": self.static}
 
     @property
     def nominal_scales(self) -> dict[str, float]:
@@ -590,6 +586,7 @@ def _resolved(
         **made,
         "request": request,
         "drawn": {role: request[role] for role in ROLES},
+        "bodies_made": {"movable": contact.movable, "static": contact.static},
         "motions": {"movable": asked.motion},
         "length": length,
         "lengths": {"movable": length},
