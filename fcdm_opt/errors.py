@@ -124,6 +124,11 @@ def name_list(names: Iterable[str]) -> str:
     return ", ".join(f'"{name}"' if "," in name else name for name in names)
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number of things: "1 part", "2 parts"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def unfit(detail: Mapping[str, Any]) -> str:
     """Return what is wrong with a value in words, from one of the errors of pydantic about it."""
     return _UNFIT.get(detail["type"], str(detail["msg"]).lower())

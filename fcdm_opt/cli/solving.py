@@ -183,14 +183,11 @@ def range_command(
 
 def _default_direction(file: OpenedFile, problem: Any) -> Any:
     """Return the direction of a range where none is asked for; None for a motion of one parameter."""
-    from fcdm_opt.problem.assembly import Assembly
-
-    several = isinstance(problem, Assembly)
-    motion = next(iter(problem.questions.values())).motion if several else problem.motion
+    motion = next(iter(problem.relations.values())).motion
     if len(motion.parameters) == 1:
         return None
-    if not several and problem.published is not None and any(problem.published):
-        return problem.published
+    if any(published := getattr(problem, "published", None) or ()):
+        return published
     from fcdm_opt.solver import solve
 
     solution = solve(problem, effort="quick")
@@ -199,12 +196,9 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"
         names = ",".join(f"{name}{'_deg' * (kind == 'rotation')}=1" for name, kind in motion.parameters)
         raise InputError(what, key="--direction", found="none", allowed=f"NAME=VALUE,... as {names}")
-    found = solution.parameters
-    if several:
-        found = {f"{part}.{name}": x for part, own in found.items() for name, x in own.items()}
-    along = motion.describe(list(found.values()), unit=problem.unit)
+    along = motion.describe(list(solution.coordinates.values()), unit=problem.unit)
     say(f"note: {file.path}: case {problem.name!r}: no --direction given; along the motion found, {along}")
-    return found
+    return solution.coordinates
 
 
 STUDY = "study.sqlite"  # what makes a folder that of a study
@@ -296,7 +290,6 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
 
 
 def _study(sources: Sequence[Path], cases: Sequence[str]) -> str:
-    """Return the report on one study."""
     from fcdm_opt.design.study.results import StudyResult
     from fcdm_opt.show.report.page import study_page
 

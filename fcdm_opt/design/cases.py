@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.errors import InputError, expected
 from fcdm_opt.lazy_import import NotebookRepr, extra
-from fcdm_opt.motion.motions import Motion
 from fcdm_opt.moved_files import to_csv
 from fcdm_opt.plain import finite
-from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Bounded, Solution
@@ -31,20 +29,8 @@ OF_ANSWER = ("case", "status", "usable", "amount", "lower_bound")
 OF_ALL = ("usable", "amount", "lower_bound", "gap", "amount_low", "amount_high")
 
 
-class SolvedCases(Mapping[str, Any], NotebookRepr):
+class SolvedCases(dict[str, Any], NotebookRepr):
     """Solutions by the name of their case, in order; `print` shows their verdicts, `to_frame` gives one table."""
-
-    def __init__(self, solutions: Mapping[str, Bounded]) -> None:
-        self._solutions = dict(solutions)
-
-    def __getitem__(self, name: str) -> Any:
-        return self._solutions[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._solutions)
-
-    def __len__(self) -> int:
-        return len(self._solutions)
 
     def __str__(self) -> str:
         return "\n".join(str(solution).splitlines()[0] for solution in self.values())
@@ -119,25 +105,17 @@ def case_rows(cases: Iterable[tuple[str, Bounded]]) -> list[dict[str, Any]]:
     for name, solution in cases:
         row: dict[str, Any] = {"case": name, "status": solution.status.name, "unit": solution.question.unit}
         row |= {key: getattr(solution, key) for key in OF_ALL}
-        if isinstance(solution, AssemblySolution):
-            for part, motion in solution.assembly.motions.items():
-                row |= {f"{part}.{own}": x for own, x in _moved(motion, solution.parameters.get(part, {})).items()}
-        elif isinstance(solution, Solution):
+        if isinstance(solution, Solution):
             problem, (row["rho_1"], row["rho_2"]) = solution.problem, solution.pair.tolist()
             row |= {"requirement": problem.requirement, "goal": problem.goal, "pair_state": solution.pair_state}
             rounding = abs(solution.pair_gap) <= DEFAULT.weld * problem.size
-            row |= {"pair_gap": 0.0 if rounding else solution.pair_gap, **_moved(problem.motion, solution.parameters)}
+            row |= {"pair_gap": 0.0 if rounding else solution.pair_gap}
+        for own, x in zip(solution.question.coordinates, solution.coordinates.values(), strict=False):
+            row |= {f"{own.name}_deg": math.degrees(x)} if own.kind == "rotation" else {own.name: x}
         row["verdict"] = str(solution).splitlines()[0].removeprefix(f"{solution.question.name}: ")
         rows.append(row)
     more = dict.fromkeys(key for row in rows for key in row if key not in (*COLUMNS, "verdict"))
     return [{key: row.get(key) for key in (*COLUMNS, *more, "verdict")} for row in rows]
-
-
-def _moved(motion: Motion, parameters: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of a motion's parameters, angles in degrees."""
-    pairs = zip(motion.parameters, parameters.values(), strict=False)
-    return {f"{own}_deg" if kind == "rotation" else own: math.degrees(x) if kind == "rotation" else x
-            for (own, kind), x in pairs}  # fmt: skip
 
 
 def write_cases(path: str | os.PathLike[str], cases: Iterable[tuple[str, Bounded]]) -> None:

@@ -418,7 +418,6 @@ def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) ->
 
 
 def _whole(body: Body, part: int) -> int:
-    """Return the number of a part in the whole body."""
     return part if body.full_body is None else body.part_indices[part]
 
 

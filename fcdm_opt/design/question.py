@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.places import Place, check_item, parse, put, written
 from fcdm_opt.errors import InputError, closest, placed
 from fcdm_opt.geometry.bodies import Body
@@ -29,12 +30,11 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import AssemblyFile, PartEntry, PartSizeEntry
 from fcdm_opt.problem.entries import BodyEntry, KeepOutEntry, SizeEntry, plain_body
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
-from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, with_defaults
+from fcdm_opt.problem.keys import Case, Defaults, Parts, ProblemFile, each, with_defaults
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.schema import Entry, checked, known_sizes
 from fcdm_opt.problem.syntax import contents, is_assembly
 
-ROLES = ("movable", "static")
 REMEMBERED = 32  # bodies and scenes a process
 _MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")
@@ -248,11 +248,8 @@ class SceneTables:
     @cached_property
     def checked_sizes(self) -> tuple[Size, ...]:
         """The sizes themselves; raises `InputError` for what is none."""
-        found = []
-        for k, table in enumerate(self.sizes, 1):
-            with placed(key=f"size[{k}]"):
-                found.append(checked(PartSizeEntry if self.assembled else SizeEntry, table).size())
-        return tuple(found)
+        kind = PartSizeEntry if self.assembled else SizeEntry
+        return tuple(each("size", [lambda own=own: checked(kind, own).size() for own in self.sizes]))
 
     def check(self) -> None:
         """Refuse tables that are no bodies or sizes; reads and builds nothing."""

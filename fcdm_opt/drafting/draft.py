@@ -22,7 +22,7 @@ from fcdm_opt import pacing, process_pool
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen, named
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
-from fcdm_opt.errors import InputError, known_word
+from fcdm_opt.errors import InputError, counted, known_word
 from fcdm_opt.geometry.arrays import Array, groups_of
 from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
@@ -263,7 +263,7 @@ def state_text(situation: Situation, unit: str) -> str:
         places = situation.places
         more = [f"{len(places) - MOST_CONTACTS} more"] if len(places) > MOST_CONTACTS else []
         listed = "; ".join([*places[:MOST_CONTACTS], *more])
-        at = f", at {_places(len(places))}" if len(places) > 1 else ""
+        at = f", at {counted(len(places), 'place')}" if len(places) > 1 else ""
         return f"{text}{at}: {listed}" if places else text
     if situation.large:
         return text  # what else would touch before is not looked at
@@ -276,28 +276,23 @@ def state_text(situation: Situation, unit: str) -> str:
     return f"{text}; both made {low:g} to {high:g} times as large, they never just touch"
 
 
-def _places(count: int) -> str:
-    return f"{count} place{'s' * (count != 1)}"
-
-
 def _contacts(asked: str | tuple[str, ...]) -> str:
     """Return how many contacts are asked for: "all contacts", "1 contact"."""
-    return "all contacts" if isinstance(asked, str) else f"{len(asked)} contact{'s' * (len(asked) != 1)}"
+    return "all contacts" if isinstance(asked, str) else counted(len(asked), "contact")
 
 
 def _because(situation: Situation, choice: Choice) -> str:
-    """Return why a goal and a motion are proposed."""
     if choice.contacts == "all":
         fitting = (
             f" in every case but {' and '.join(choice.unfit)}, in which the parts do not fit" if choice.unfit else ""
         )
-        return TOGETHER.format(_places(len(situation.places))) + fitting
+        return TOGETHER.format(counted(len(situation.places), "place")) + fitting
     why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
         text = ONE_WAY if count < len(situation.places) else SAME_DIRECTION
-        why = text.format(_places(len(situation.places)), kept)
+        why = text.format(counted(len(situation.places), "place"), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
     touched = " ".join(situation.places).replace(" of radius ", " radius ")
@@ -527,7 +522,7 @@ def _lie_over(body: Body, i: int, j: int) -> bool:
 
 def _extent(body: Body, unit: str) -> str:
     sides = " x ".join(f"{x:.5g}" for x in np.ptp(body.vertices, axis=0).tolist())
-    return f"{shown(body.name)}, {sides} {unit}, {len(body.parts)} convex part{'s' * (len(body.parts) > 1)}"
+    return f"{shown(body.name)}, {sides} {unit}, {counted(len(body.parts), 'convex part')}"
 
 
 def _round_ones(body: Body) -> str:

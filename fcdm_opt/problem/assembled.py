@@ -169,10 +169,6 @@ class AssemblySolution(Bounded):
         return replace(self, assembly=question, contacts=contacts)
 
     @property
-    def _limited(self) -> bool:
-        return any(map(len, self.assembly.limits.values()))
-
-    @property
     def _why_unknown(self) -> str:
         shared = len(self.contacts) < len(self.assembly.contacts) or any(", " in stage for stage in self.stages)
         return "where contacts share motions that is worked out of shifts that restore all of them" * shared
@@ -219,8 +215,7 @@ class AssemblySolution(Bounded):
     @property
     def motions(self) -> dict[str, str]:
         """The motions in words, by part."""
-        told, unit = self.assembly.motions, self.assembly.unit
-        return {part: told[part].describe([*own.values()], unit=unit) for part, own in self.parameters.items()}
+        return self.assembly.motion_texts([*self.coordinates.values()]) if self.parameters else {}
 
     @property
     def quaternions(self) -> dict[str, tuple[float, float, float, float]]:

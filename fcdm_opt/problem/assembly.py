@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import check_sizes
-from fcdm_opt.curve.true_sizes import made_at, touching_true_faces
+from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.errors import InputError, known_arguments, known_word, name_list, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -34,8 +34,8 @@ from fcdm_opt.problem.arguments import by_parameter, interval, items, positive, 
 from fcdm_opt.problem.entries import plain_body, plain_keep_out
 from fcdm_opt.problem.keep_out import KeepOut, keep_outs
 from fcdm_opt.problem.keys import Corner, Requirement
-from fcdm_opt.problem.problem import SIGNS, Problem
-from fcdm_opt.problem.scene import Coordinate, Scene
+from fcdm_opt.problem.problem import FREE, SIGNS, Problem
+from fcdm_opt.problem.scene import AnyScene, Coordinate, lengths_of
 from fcdm_opt.problem.schema import Entry, Length, checked, declared, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
-ROLES = ("movable", "static")
-FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 UNNAMED = "body"  # a body that was given no name
 CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
 CORNERS = ("worst", "loosest", "low", "high", "middle")
@@ -84,7 +82,7 @@ class JoinedPair(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Assembly(Scene):
+class Assembly(AnyScene):
     """The question: which motions of several parts, as small as possible together, restore all their contacts.
 
     Parameters
@@ -157,6 +155,7 @@ class Assembly(Scene):
     limits: Mapping[str, Mapping[str, tuple[float, float]]]
     resolution: Mapping[str, Any]
     fixed: tuple[str, ...]
+    nominal_scales: Mapping[str, float]  # as drawn, by where cases have them, "scales.PART"
     _problems: dict[tuple[Any, ...], Problem]
     _alike: Assembly | None  # of other scales, whose problems are asked again for these
 
@@ -217,13 +216,18 @@ class Assembly(Scene):
         if requirement is not None or tolerance is not None:
             scales = _off_by(requirement, tolerance, scales, bodies, moved)
             request |= {"scales": scales, "requirement": None, "tolerance": None}
+        made_at_scales = dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies)
         own = {
             "parts": bodies,
+            "drawn": bodies,
+            **lengths_of(*bodies.values()),
             "contacts": joined,
             "sizes": tuple(sizes),
             "motions": {part: moved[part] for part in bodies if part in moved},
             "follows": leaders,
-            "scales": dict.fromkeys(bodies, 1.0) | _numbers(scales, "scales", bodies),
+            "scales": made_at_scales,
+            "scales_made": made_at_scales,
+            "nominal_scales": {f"scales.{part}": 1.0 for part in bodies},
             "made": deviations,
             "weights": dict.fromkeys(moved, 1.0) | _numbers(weights, "weights", moved),
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
@@ -241,7 +245,14 @@ class Assembly(Scene):
             "_problems": {},
             "_alike": None,
         }
-        vars(self).update(own)
+        vars(self).update(own, limit_slack=DEFAULT.requirement * max(body.size for body in bodies.values()))
+        coordinates = list[Coordinate]()  # whose weights are those in the total
+        for part, motion in self.motions.items():
+            each = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
+            for (parameter, kind), weight in zip(motion.parameters, each, strict=True):
+                ends = self.limits[part].get(parameter, FREE)
+                coordinates.append(Coordinate(f"{part}.{parameter}", kind, weight, ends))
+        object.__setattr__(self, "coordinates", tuple(coordinates))
         if amount == "displacement":
             what = "the largest displacement is of one part, and here several may move"
             allowed = '"weighted", or an expression of all parameters, "PART.PARAMETER"'
@@ -259,15 +270,9 @@ class Assembly(Scene):
         return f"Assembly({self.name!r}: {'; '.join(texts)}{f', {self.unit}' if self.unit else ''})"
 
     def _check_contacts(self) -> None:
-        """Refuse what cannot be asked of two parts."""
         for k, pair in enumerate(self.contacts, 1):
             with placed(key=f"contacts[{k}] '{pair}'"):
                 self.problem(pair)
-
-    @property
-    def size(self) -> float:
-        """Length that relative tolerances refer to: the largest box diagonal of a part as drawn."""
-        return max(body.size for body in self.parts.values())
 
     @cached_property
     def bodies_made(self) -> dict[str, Body]:
@@ -275,44 +280,9 @@ class Assembly(Scene):
         return each_resized(self.parts, {size: self.made[size.name] for size in self.sizes})
 
     @property
-    def drawn(self) -> Mapping[str, Body]:
-        """`parts`."""
-        return self.parts
-
-    @cached_property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The parameters of all motions, in order, as "part.parameter"; weights are those in the total."""
-        found = list[Coordinate]()
-        for part, motion in self.motions.items():
-            weights = (self.weights[part] * motion.weights(self.lengths[part])).tolist()
-            for (name, kind), weight in zip(motion.parameters, weights, strict=True):
-                found.append(Coordinate(f"{part}.{name}", kind, weight, self.limits[part].get(name, FREE)))
-        return tuple(found)
-
-    @property
-    def relations(self) -> dict[tuple[str, str], Problem]:
-        """`questions`."""
-        return self.questions
-
-    @property
     def kept_clear(self) -> tuple[tuple[str, str], ...]:
         """The two parts of each contact of goal "clear", by name: what its clearances are for."""
         return tuple(own[:2] for own in self.contacts if own.asked.get("goal") == "clear")
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """Those of `motions`."""
-        return tuple(self.motions)
-
-    @property
-    def scales_made(self) -> Mapping[str, float]:
-        """`scales`."""
-        return self.scales
-
-    @property
-    def nominal_scales(self) -> dict[str, float]:
-        """As drawn, by where cases have them, "scales.PART"."""
-        return {f"scales.{part}": 1.0 for part in self.parts}
 
     @cached_property
     def kinematics(self) -> dict[str, Kinematics]:
@@ -321,26 +291,6 @@ class Assembly(Scene):
         ways = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
         return {part: way.kinematics(np.zeros(3), np.zeros(3)) for part, way in ways.items()}
 
-    @property
-    def shifts(self) -> bool:
-        """Whether all motions only shift."""
-        return all(motion.shifts for motion in self.motions.values())
-
-    @property
-    def turning_length(self) -> float:
-        """The least of `lengths`."""
-        return min(self.lengths.values())
-
-    @property
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-        return DEFAULT.requirement * self.size
-
-    @property
-    def contact_slack(self) -> float:
-        """Gap up to which two parts touch, length units, relative to the smallest one."""
-        return max(DEFAULT.touch * min(body.size for body in self.parts.values()), DEFAULT.tie * self.size)
-
     def changed(self, **arguments: Any) -> Assembly:
         """Return the same question with other arguments; raises as the constructor does.
 
@@ -348,7 +298,8 @@ class Assembly(Scene):
         """
         if arguments.keys() == {"scales"}:
             other, scales = object.__new__(Assembly), _numbers(arguments["scales"], "scales", self.parts)
-            own = {"scales": dict.fromkeys(self.parts, 1.0) | scales, "request": {**self.request, **arguments}}
+            scales = dict.fromkeys(self.parts, 1.0) | scales
+            own = {"scales": scales, "scales_made": scales, "request": {**self.request, **arguments}}
             vars(other).update(vars(self) | own | {"_alike": self._alike or self, "_problems": {}})
             other._check_contacts()
             return other
@@ -481,7 +432,7 @@ class Assembly(Scene):
         return self.follows.get(pair.one) == pair.two
 
     @property
-    def questions(self) -> dict[tuple[str, str], Problem]:
+    def relations(self) -> dict[tuple[str, str], Problem]:
         """What is asked of every two parts, not both fixed, in the parameters of all motions; by the names of the two.
 
         Its contacts in order, then of others that they do not overlap, and of what keeps out of keep-outs: each part
@@ -494,6 +445,8 @@ class Assembly(Scene):
             if frozenset(pair) not in asked or (self.keeps_out(*pair) and pair not in known)
         )
         return {pair[:2]: self.problem(pair, tuple(self.motions)) for pair in (*self.contacts, *others)}
+
+    questions = relations
 
     def problem(self, pair: JoinedPair, parts: Sequence[str] | None = None) -> Problem:
         """Return the question about two parts: in the parameters of some parts' motions, which see each other move.

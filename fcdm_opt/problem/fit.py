@@ -306,7 +306,6 @@ class _ClosedWalls(NamedTuple):
         return found
 
     def _are_planes(self, found: Misfit) -> bool:
-        """Tell whether all walls are plane faces."""
         both = zip(map(_round_numbers, drawn_bodies(self.problem)), found.faces, strict=True)
         return all(own is not None and _number(known, own) < 0 for known, faces in both for own in faces)
 

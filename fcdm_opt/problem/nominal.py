@@ -19,6 +19,7 @@ from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.problem.active_parts import Indices
+from fcdm_opt.problem.scene import lengths_of
 from fcdm_opt.tolerances import DEFAULT
 
 TRACKING = ("beyond", "at", "seat")  # goals that follow the nominal contact
@@ -39,38 +40,24 @@ class NominalContact:
     movable: Body
     static: Body
     active: tuple[Body, Body]
+    partial: bool  # whether these are only some of the parts of large bodies
     nominal: int | Literal["drawn"] | tuple[float, float]
     box: Box
     snap: float
     goal: str | None
     features: Any
     contacts: Any
+    size: float
+    contact_slack: float
 
     def __init__(self, **values: Any) -> None:
-        self.__dict__.update(values)
-
-    @property
-    def size(self) -> float:
-        """Length that relative tolerances refer to: the larger box diagonal of the bodies as drawn."""
-        return max(self.movable.size, self.static.size)
-
-    @property
-    def partial(self) -> bool:
-        """Whether only some of the parts of large bodies are looked at, see `active`."""
-        return self.active[0] is not self.movable
+        bodies = values["movable"], values["static"]
+        self.__dict__.update(values, **lengths_of(*bodies), partial=values["active"][0] is not bodies[0])
 
     @property
     def active_indices(self) -> Indices | None:
         """The numbers, from 0, of the parts of either body that are looked at; None where all are."""
         return (np.array(self.active[0].part_indices), np.array(self.active[1].part_indices)) if self.partial else None
-
-    @property
-    def contact_slack(self) -> float:
-        """Gap up to which a pair touches, length units.
-
-        Relative to the smaller body, but no less than rounding at the larger one allows.
-        """
-        return max(DEFAULT.touch * min(self.movable.size, self.static.size), DEFAULT.tie * self.size)
 
     @cached_property
     def curve(self) -> DecisionCurve:

@@ -18,7 +18,7 @@ import numpy as np
 
 from fcdm_opt.curve.carried_over import CarriedOver
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
-from fcdm_opt.curve.true_sizes import TrueContact, contacts_as_drawn, made_at
+from fcdm_opt.curve.true_sizes import ROLES, TrueContact, contacts_as_drawn, made_at
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -51,7 +51,7 @@ from fcdm_opt.problem.keys import (
     checked_arguments,
 )
 from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
-from fcdm_opt.problem.scene import Coordinate, Scene
+from fcdm_opt.problem.scene import AnyScene, Coordinate
 from fcdm_opt.problem.schema import checked, known_sizes
 from fcdm_opt.tolerances import DEFAULT
 
@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
+FREE = (-math.inf, math.inf)  # limits of a parameter that has none
 SCALES = ("rho_1", "rho_2")  # names of the scales of the movable and of the static body
 SIGNS: dict[str, tuple[float, float]] = {"A": (1.0, 1.0), "B": (1.0, -1.0), "C": (-1.0, 1.0), "D": (-1.0, -1.0)}
 GOALS = get_args(Goal)
@@ -75,7 +76,7 @@ HALVINGS = 7  # of the sizes made, to where contacts as drawn are last there
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Problem(NominalContact, Scene, NotebookRepr):
+class Problem(NominalContact, AnyScene, NotebookRepr):
     """The question: which smallest motion brings the parts actually made into the intended contact.
 
     The arguments are what the user asks; the attributes of the same name hold what that means (`goal`, `target`,
@@ -171,6 +172,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
         Names the argument, what was found and what is allowed.
     """
 
+    bodies_made: Mapping[str, Body]
     tolerance: Any
     requirement: Requirement | None
     target: Array
@@ -261,26 +263,6 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return made
 
     @property
-    def drawn(self) -> dict[str, Body]:
-        """Both bodies as drawn, by their roles."""
-        return {"movable": self.request["movable"], "static": self.request["static"]}
-
-    @property
-    def bodies_made(self) -> dict[str, Body]:
-        """`movable` and `static`, by their roles."""
-        return {"movable": self.movable, "static": self.static}
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """The movable body."""
-        return ("movable",)
-
-    @property
-    def scales_made(self) -> dict[str, float]:
-        """The target pair, by roles."""
-        return dict(zip(self.drawn, self.target.tolist(), strict=True))
-
-    @property
     def nominal_scales(self) -> dict[str, float]:
         """The nominal pair, by `SCALES`."""
         return dict(zip(SCALES, self.nominal_pair.tolist(), strict=True))
@@ -291,30 +273,9 @@ class Problem(NominalContact, Scene, NotebookRepr):
         return {"movable": self.motion.kinematics(self.movable.seed, self.static.seed)}
 
     @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The motion's parameters with weights and limits."""
-        rows = zip(self.motion.parameters, self.weights.tolist(), self.limits.tolist(), strict=True)
-        return tuple(Coordinate(*own, weight, (low, high)) for own, weight, (low, high) in rows)
-
-    @property
     def relations(self) -> dict[tuple[str, str], Problem]:
         """The problem itself: it is about two parts."""
-        return {("movable", "static"): self}
-
-    @property
-    def shifts(self) -> bool:
-        """Whether the motion only shifts."""
-        return self.motion.shifts
-
-    @property
-    def turning_length(self) -> float:
-        """`length`."""
-        return self.length
-
-    @property
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-        return DEFAULT.requirement * self.length
+        return {ROLES: self}
 
     def __repr__(self) -> str:
         """Return what is asked, on one line; everything else is an attribute."""
@@ -472,7 +433,7 @@ class Problem(NominalContact, Scene, NotebookRepr):
             case["published"] = _published(self.motion, asked["published"])
         others = [plain_keep_out(keep_out) for keep_out in self.keep_out]
         unit = {"unit": self.unit} if self.unit else {}
-        bodies = {role: {**plain_body(asked[role]), **unit} for role in ("movable", "static")}
+        bodies = {role: {**plain_body(asked[role]), **unit} for role in ROLES}
         more = {"keep_out": others, "size": [size.to_dict() for size in self.sizes]}
         return {"bodies": bodies, **{key: value for key, value in more.items() if value}, "case": [case]}
 
@@ -599,8 +560,10 @@ def _resolved(
         contact = NominalContact(**{**(request if as_asked else vars(contact)), **parts, "goal": goal})
     length = asked.movable.size / 2 if asked.length is None else asked.length
     usual = asked.motion.by_name(asked.motion.weights(length))
-    free = (-math.inf, math.inf)
     steps = asked.resolution
+    weights = frozen([asked.weights.get(name, usual[name]) for name in names])
+    limits = frozen([asked.limits.get(name, FREE) for name in names])
+    rows = zip(asked.motion.parameters, weights.tolist(), limits.tolist(), strict=True)
     made = _sizes_made(request, contact)
     features = contact.named(asked.features)
     several = contact.chosen_contacts(asked.contacts)
@@ -622,9 +585,15 @@ def _resolved(
         "contacts": several,
         **made,
         "request": request,
+        "drawn": {role: request[role] for role in ROLES},
+        "bodies_made": {"movable": contact.movable, "static": contact.static},
+        "motions": {"movable": asked.motion},
         "length": length,
-        "weights": frozen([asked.weights.get(name, usual[name]) for name in names]),
-        "limits": frozen([asked.limits.get(name, free) for name in names]),
+        "lengths": {"movable": length},
+        "limit_slack": DEFAULT.requirement * length,
+        "coordinates": tuple(Coordinate(name, kind, x, (low, high)) for (name, kind), x, (low, high) in rows),
+        "weights": weights,
+        "limits": limits,
         "resolution": None if steps is None else frozen([steps.get(name, 0.0) for name in names]),
         "features": features,
     }
@@ -665,7 +634,7 @@ def _parts_made(request: Mapping[str, Any]) -> dict[str, Any]:
     sizes, made = request["sizes"], request["made"]
     names = [size.name for size in sizes]
     for size in sizes:
-        if size.body not in ("movable", "static"):
+        if size.body not in ROLES:
             allowed = '"movable" or "static"'
             raise InputError("no such body", key=f"size '{size.name}'.body", found=size.body, allowed=allowed)
         size.offsets(request[size.body])  # refused here if its faces are not there, whatever is made
@@ -685,7 +654,7 @@ def _exact(request: Mapping[str, Any], parts: Mapping[str, Any], points: Mapping
     """Return the bodies made, exact at points of their round faces and elsewhere within the true ones."""
     if unknown := points.keys() - {"movable", "static"}:
         raise InputError("no such body", key="exact_at", found=min(unknown), allowed='"movable", "static"')
-    own = {role: parts.get(role, request[role]) for role in ("movable", "static")}
+    own = {role: parts.get(role, request[role]) for role in ROLES}
     made = {role: exact_at(body, np.reshape(points.get(role, ()), (-1, 3))) for role, body in own.items()}
     for role, body in made.items():
         if body is None:
@@ -699,7 +668,7 @@ def _by_role(sizes: Sequence[Size], values: Mapping[str, float]) -> dict[str, di
 
 
 def _sizes_of(sizes: Sequence[Size]) -> dict[str, tuple[Size, ...]]:
-    return {role: tuple(size for size in sizes if size.body == role) for role in ("movable", "static")}
+    return {role: tuple(size for size in sizes if size.body == role) for role in ROLES}
 
 
 def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tuple[dict[str, Any], Indices | None]:
@@ -714,7 +683,7 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tupl
     def contacts(share: float) -> dict[str, Any]:
         """Return them at a share of what is made."""
         its, made = {role: {size: share * x for size, x in own.items()} for role, own in values.items()}, []
-        for role, body in zip(("movable", "static"), active, strict=True):
+        for role, body in zip(ROLES, active, strict=True):
             whole = parts[role] if share == 1.0 else resized(request[role], its[role])
             same = indices is not None and len(whole.parts) == len(request[role].parts)
             made.append(whole.subset(body.part_indices) if same else whole)
@@ -803,7 +772,7 @@ def _check_several(asked: Arguments) -> None:
 def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str, Any]:
     """Return the tolerance, a row (minus, plus) a body, and the target pair."""
     if request["requirement"] is None:
-        return {"tolerance": None, "target": frozen(request["target"])}
+        return {"tolerance": None, **_target_of(request["target"])}
     both = request["tolerance"]
     both = (both, both) if isinstance(both, float) else both
     tolerance = frozen([(share, share) if isinstance(share, float) else share for share in both])
@@ -813,4 +782,8 @@ def _sizes_made(request: Mapping[str, Any], contact: NominalContact) -> dict[str
         what = f"requirement {request['requirement']} would make the scales {target}"
         allowed = "below 1 (100 %) where a body is made smaller"
         raise InputError(what, key="tolerance", found=request["tolerance"], allowed=allowed)
-    return {"tolerance": tolerance, "target": frozen(target)}
+    return {"tolerance": tolerance, **_target_of(target)}
+
+
+def _target_of(scales: Sequence[float]) -> dict[str, Any]:
+    return {"target": frozen(scales), "scales_made": dict(zip(ROLES, map(float, scales), strict=True))}

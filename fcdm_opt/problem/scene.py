@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from collections.abc import Iterable, Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.bodies import Body
@@ -12,9 +12,10 @@ from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.motion.motions import Kind, Motion
 from fcdm_opt.problem.keep_out import KeepOut
+from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
-    from fcdm_opt.motion.kinematics import Kinematics
+    from fcdm_opt.problem.assembly import Assembly
     from fcdm_opt.problem.problem import Problem
 
 
@@ -27,11 +28,31 @@ class Coordinate(NamedTuple):
     limits: tuple[float, float]  # length units or radians, infinite where none is given
 
 
-class Scene(ABC):
-    """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several."""
+def lengths_of(*bodies: Body) -> dict[str, float]:
+    """Return `size` and `contact_slack` of bodies: relative to the smallest, and no less than rounding at the largest.
+
+    The latter in the gap up to which two of them touch.
+    """
+    sizes = [body.size for body in bodies]
+    return {"size": max(sizes), "contact_slack": max(DEFAULT.touch * min(sizes), DEFAULT.tie * max(sizes))}
+
+
+class AnyScene:
+    """A question about parts, their motions and their sizes: a `Problem` of two parts, or an `Assembly` of several.
+
+    Further members that both have say there what they are: relations, kinematics, changed, with_motion and so on.
+    """
 
     name: str
     unit: UnitOrNone
+    drawn: Mapping[str, Body]  # the parts as drawn, by the names that `sizes` have for them
+    motions: Mapping[str, Motion]  # of the parts that move, by the same names
+    scales_made: Mapping[str, float]  # of the parts made, by the same names
+    size: float  # length that relative tolerances refer to: the largest box diagonal of a part as drawn
+    contact_slack: float  # gap up to which a pair touches, length units
+    limit_slack: float  # amount by which the judge lets a limit be passed
+    lengths: Mapping[str, float]  # that turn their radians into lengths
+    coordinates: tuple[Coordinate, ...]  # the parameters of all motions, in order
     amount: Any
     sizes: tuple[Size, ...]
     made: Any
@@ -39,7 +60,7 @@ class Scene(ABC):
     resolution: Any
     request: Mapping[str, Any]
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self: Any, other: object) -> bool:
         """Tell whether another question asks the same, of the same bodies and the same parts of these."""
         if self is other or not isinstance(other, type(self)) or self._key_data != other._key_data:
             return self is other
@@ -57,110 +78,47 @@ class Scene(ABC):
         return repr((self.name, self.coordinates, *self.scales_made.items(), *sorted((self.made or {}).items())))
 
     @property
-    @abstractmethod
-    def size(self) -> float:
-        """Length that relative tolerances refer to."""
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
+    def bodies(self: Any) -> tuple[Body, ...]:
         """All bodies of the question, at the sizes made: its parts, and those of the keep-outs."""
         return (*self.bodies_made.values(), *(keep_out.body for keep_out in self.keep_out))
 
     @property
-    @abstractmethod
-    def drawn(self) -> Mapping[str, Body]:
-        """The parts as drawn, by the names that `sizes` have for them."""
-
-    @property
-    @abstractmethod
-    def bodies_made(self) -> Mapping[str, Body]:
-        """The parts at the sizes made, unscaled, by the same names."""
-
-    @property
-    @abstractmethod
     def moving(self) -> tuple[str, ...]:
         """The parts with a motion, by the same names."""
+        return tuple(self.motions)
 
     @property
-    @abstractmethod
-    def scales_made(self) -> Mapping[str, float]:
-        """The scales of the parts made, by the same names."""
-
-    @property
-    @abstractmethod
-    def nominal_scales(self) -> Mapping[str, float]:
-        """The nominal scales of the parts, in their order, by what they are called beside `sizes`."""
-
-    @property
-    @abstractmethod
-    def kinematics(self) -> Mapping[str, Kinematics]:
-        """The pose change in the world of each part that moves, by the parameters of all motions."""
-
-    @property
-    @abstractmethod
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """The parameters of all motions, in order."""
-
-    @property
-    @abstractmethod
-    def relations(self) -> Mapping[tuple[str, str], Problem]:
-        """What is asked of every two parts that may meet, in the parameters of all motions; by the parts' names."""
-
-    @property
-    @abstractmethod
     def shifts(self) -> bool:
         """Whether all motions only shift."""
+        return all(motion.shifts for motion in self.motions.values())
 
     @property
-    @abstractmethod
     def turning_length(self) -> float:
         """Length that turns radians into lengths, of several the least."""
-
-    @property
-    @abstractmethod
-    def limit_slack(self) -> float:
-        """Amount by which the judge lets a limit be passed."""
-
-    @property
-    @abstractmethod
-    def contact_slack(self) -> float:
-        """Gap up to which a pair touches, length units."""
+        return min(self.lengths.values())
 
     @property
     def amount_unit(self) -> str:
         """Unit of the amount: `unit`, and "" for an amount of one's own, which need not be a length."""
         return self.unit if isinstance(self.amount, str) else ""
 
-    @abstractmethod
-    def changed(self, **arguments: Any) -> Self:
-        """Return the same question with other arguments."""
+    def by_part(self, values: Iterable[float]) -> dict[str, list[float]]:
+        """Return values of the parameters of all motions, in order, as those of each part that moves."""
+        each = iter(values)
+        return {part: [*islice(each, len(motion.names))] for part, motion in self.motions.items()}
 
-    def scales_at(self, values: Mapping[str, float]) -> dict[str, float]:
+    def motion_texts(self, values: Iterable[float]) -> dict[str, str]:
+        """Return a motion in words, by the parts that move."""
+        own = self.by_part(values)
+        return {part: motion.describe(own[part], unit=self.unit) for part, motion in self.motions.items()}
+
+    def scales_at(self: Any, values: Mapping[str, float]) -> dict[str, float]:
         """Return the scales of the parts, by their names, where some sizes and scales have values: others as made."""
         named = zip(self.nominal_scales, self.scales_made.items(), strict=True)
         return {part: values.get(name, scale) for name, (part, scale) in named}
 
-    @abstractmethod
-    def with_sizes(self, values: Mapping[str, float]) -> Self:
-        """Return the same question with other sizes or scales made, by the names of these."""
 
-    @abstractmethod
-    def with_limits(self, name: str, limits: tuple[float, float]) -> Self:
-        """Return the same question with other limits of a coordinate."""
-
-    @abstractmethod
-    def with_motion(self, motion: Motion) -> tuple[Self, tuple[str, ...]]:
-        """Return the same question about another motion, of all parts that move, and what it says no more by that."""
-
-    @abstractmethod
-    def deviating(self, share: float) -> Self:
-        """Return the same question with a share of the deviation from nominal, or from drawn."""
-
-    @abstractmethod
-    def to_dict(self) -> dict[str, Any]:
-        """Return the question as plain data."""
-
-    @property
-    @abstractmethod
-    def deviates(self) -> bool:
-        """Whether the parts made are off nominal, or off what is drawn."""
+if TYPE_CHECKING:
+    Scene: TypeAlias = Problem | Assembly  # of which a check of types knows all that both have
+else:
+    Scene = AnyScene

@@ -321,6 +321,7 @@ class Bounded(Plain, NotebookRepr):
     """An answer: a status, an amount with a bound that is proved, and the judge's word; see `Solution`."""
 
     status: Status
+    parameters: Mapping[str, Any] = field(default_factory=dict)
     amount: float = float("nan")
     lower_bound: float = 0.0
     amount_low: float = cast("Any", _WhenRead())
@@ -338,7 +339,7 @@ class Bounded(Plain, NotebookRepr):
     @property
     def coordinates(self) -> dict[str, float]:
         """Values of the parameters of all motions by the names of `Scene.coordinates`; empty without a motion."""
-        raise NotImplementedError
+        return dict(self.parameters)
 
     @property
     def held_by(self) -> tuple[Any, ...]:
@@ -438,7 +439,7 @@ class Bounded(Plain, NotebookRepr):
     @property
     def _limited(self) -> bool:
         """Whether limits are set, which could be widened."""
-        raise NotImplementedError
+        return any(np.isfinite(own.limits).any() for own in self.question.coordinates)
 
     @property
     def _why_not(self) -> str:
@@ -611,11 +612,6 @@ class Solution(Bounded):
         return ""
 
     @property
-    def coordinates(self) -> dict[str, float]:
-        """`parameters`."""
-        return dict(self.parameters)
-
-    @property
     def held_by(self) -> tuple[Any, ...]:
         """Status, features and what is active."""
         return self.status, self.features, self.active
@@ -635,10 +631,6 @@ class Solution(Bounded):
         """Return the same motion as an answer to another question about the same motion."""
         features = question.contacts if question.contacts and question.goal != FIT else self.features
         return replace(self, problem=question, features=features)
-
-    @property
-    def _limited(self) -> bool:
-        return bool(np.isfinite(self.problem.limits).any())
 
     @property
     def _why_not(self) -> str:

@@ -18,8 +18,9 @@ from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.show import Figure, texts
-from fcdm_opt.show.printing import CELL_WIDTH, print_rows, print_text, wrapped
+from fcdm_opt.show.printing import CELL_WIDTH, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.scene import MOST_INSETS, VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
@@ -36,17 +37,14 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
     for row in rows:
         print_text(f"{row.solution.question.name}: {assembly_verdict(row.solution)}", indent="   ")
     print_rows([cells for row in rows for cells in _cells(row.solution)], numbers=NUMBERS, optional=("weight",))
+    lines = list[str]()
     for row in rows:
-        solution, name = row.solution, row.solution.assembly.name
-        if row.unproved:
-            print_text(f"{name}: {UNPROVED}: {row.unproved}", indent="   ")
+        solution, told = row.solution, [f"{UNPROVED}: {row.unproved}"] * bool(row.unproved)
         if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
-            print_text(f"{name}: {solution.advice}{failed_text(solution)}", indent="   ")
-        for told in (*beyond_tolerances(solution.assembly), *unsaid(solution)):
-            print_text(f"{name}: {told}", indent="   ")
-    for text in _overlaps(rows[0].solution.assembly):
-        print_text(text, indent="   ")
-    print_text()
+            told.append(f"{solution.advice}{failed_text(solution)}")
+        told += [*beyond_tolerances(solution.assembly), *unsaid(solution)]
+        lines += [f"{solution.assembly.name}: {text}" for text in told]
+    print_lines([*lines, *_overlaps(rows[0].solution.assembly)])
 
 
 def unsaid(solution: AssemblySolution) -> list[str]:
@@ -93,8 +91,6 @@ def assembly_verdict(solution: AssemblySolution) -> str:
         barred = barring(assembly)
         return f"{solution.explained} {barred[:1].upper()}{barred[1:]}." if barred else solution.explained
     if solution.status.name == "OUTSIDE_FIT":
-        from fcdm_opt.problem.fit import verdict
-
         place = "the place it is drawn in"
         what = f"does not fit: the only motions found take a part out of {place}"
         if texts.outcome_text(solution) == texts.NOT_MET:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
-from fcdm_opt.design.question import ROLES
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene

@@ -330,7 +330,6 @@ def _draw_shares(axes: Any, result: AssemblyYield) -> None:
 
 
 def _number(axes: Any, row: float, end: float, text: str) -> None:
-    """Write a number behind its bar."""
     axes.text(max(end, 0.0) + 0.02, row, text, va="center", fontsize=NOTE)
 
 

@@ -148,7 +148,6 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
 
 
 def _cells(row: SolvedCase) -> dict[str, str]:
-    """Return the table's cells for one case."""
     solution, problem = row.solution, row.solution.problem
     ratio = () if solution.rho is None else solution.rho / problem.nominal_pair
     gap = solution.pair_gap

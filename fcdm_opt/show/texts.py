@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from fcdm_opt import pacing
+from fcdm_opt.errors import counted as counted  # as what speaks of results knows it
 from fcdm_opt.geometry.size import direction
+from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
+from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, mending_turn, sizes_that_lack, verdict
 from fcdm_opt.problem.solution import Solution, Status
 
 if TYPE_CHECKING:
@@ -54,11 +56,6 @@ def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
 def share_text(share: float, digits: int = 2) -> str:
     """Return a share of all pairs in per cent; of one that is nan that it is not known."""
     return "undecided" if math.isnan(share) else f"{share:.{digits}%}"
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number of things: "1 part", "2 parts"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -181,9 +178,8 @@ def motion_text(solution: Bounded, *, unit: bool = True) -> str:
 
 def values_by_part(solution: Bounded) -> dict[str, list[float]]:
     """Return the values of the motion of each part of an assembly, 0 for rounding; none without motions."""
-    scene = cast("Assembly", solution.question)
-    values = iter(telling(scene, [*solution.coordinates.values()]))
-    return {part: [*islice(values, len(motion.names))] for part, motion in scene.motions.items()}
+    scene: Scene = solution.question
+    return scene.by_part(telling(scene, [*solution.coordinates.values()]))
 
 
 def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) -> str:
@@ -280,7 +276,6 @@ def advised(case: SolvedCase) -> str:
 def _with_sizes(solution: Solution) -> str:
     """Return the advice of an answer; of widths that do not go together, and of a clearance, what mends them."""
     from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, opening_shift
-    from fcdm_opt.problem.fit import mending_turn, sizes_that_lack, verdict
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
@@ -306,9 +301,6 @@ def _with_sizes(solution: Solution) -> str:
 
 def _unfit(problem: Problem) -> str:
     """Return why two parts do not fit however little they are off what is drawn: widths, or how deep they overlap."""
-    from fcdm_opt.geometry.solids import depth_as_drawn
-    from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, verdict
-
     widths = verdict(problem.deviating(ALMOST)).partition(": ")[2]
     depth = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)
     if not widths and depth > problem.contact_slack:

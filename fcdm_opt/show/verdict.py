@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
 from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
 from fcdm_opt.show.contact_faces import with_whole_faces
@@ -23,7 +25,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import AssemblyRange, CoherentRange
-    from fcdm_opt.curve.features import Feature
     from fcdm_opt.geometry.arrays import Array
     from fcdm_opt.geometry.bodies import Body
     from fcdm_opt.problem.problem import Problem
@@ -54,8 +55,6 @@ def verdict_text(solution: Solution) -> str:
 
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
-    from fcdm_opt.problem.fit import verdict
-
     problem = solution.problem
     widths = verdict(problem)
     if widths:
@@ -229,8 +228,6 @@ def refusal_text(solution: Bounded) -> str:
 
 def barred_text(solution: Bounded) -> str:
     """Return how a solve without a motion to use ended: "does not fit", "clearance not met"."""
-    from fcdm_opt.problem.fit import verdict
-
     outcome, outside = texts.outcome_text(solution), solution.status.name == "OUTSIDE_FIT"
     return "does not fit" if outcome != texts.NOT_MET and (outside or verdict(solution.question)) else outcome
 
@@ -343,9 +340,6 @@ def contact_text(
 
 def labels_in_words(text: str, scene: Scene) -> str:
     """Return a text with the labels of contacts in it as names of faces, edges and corners of a scene's bodies."""
-    from fcdm_opt.curve.features import Feature
-    from fcdm_opt.problem.fit import drawn_bodies
-
     for pair, problem in scene.relations.items():
         keep_outs = {own.name: own.body for own in problem.keep_out}
         head = "" if problem is scene else f"{' - '.join(pair)}: "
@@ -371,8 +365,6 @@ def fit_text(problem: Problem) -> str:
     if problem.tolerance is None or problem.partial:
         return ""
     ends = problem.nominal_pair[:, None] * (1.0 + problem.tolerance * [-1.0, 1.0])
-    from fcdm_opt.problem.fit import mating_cylinders
-
     facets = problem.of_facets
     low, high, of_facets = _drawn_gaps(facets.movable, facets.static, tuple(ends.ravel().tolist()))
     slack = problem.contact_slack

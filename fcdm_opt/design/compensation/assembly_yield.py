@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.distributions import Distribution, Measured, Normal
 from fcdm_opt.design.sizes import drawn_pairs, proportion_interval, sources
 from fcdm_opt.design.stack.spread import spreads
@@ -28,7 +29,6 @@ BINS = 128  # of the histogram of amounts
 SHARES = (0.5, 0.9, 0.99, 0.999)  # shares of the pairs that quantiles are told for
 MOST_HELD = 2_000_000  # pairs looked up at most to tell what each size' scatter costs
 SAMPLED, LOOKED_UP, SEED = 50, 100_000, 20_011  # pairs of parts by which a share is judged: made anew, and looked up
-BODIES = ("movable", "static")
 OTHERS = {
     "impossible": "have no motion, or none known",
     "undecided": "are undecided: the map is not exact enough there",
@@ -248,7 +248,7 @@ def assembly_yield(
     known = points.error[np.isfinite(points.error)]
     varies = len(amounts) > 0 and np.ptp(amounts) > known.max(initial=0.0)  # by more than the map is off
     contributions = []
-    for k, body in enumerate(BODIES if over == SCALES else over):
+    for k, body in enumerate(ROLES if over == SCALES else over):
         own, held = np.arange(len(over)) == k, pairs[:: max(len(pairs) * len(over) // MOST_HELD, 1)].copy()
         held[:, k] = scatter[k].quantile(0.5)
         one, other = exchanged(*own.tolist()), exchanged(*(~own).tolist())

@@ -21,9 +21,10 @@ from fcdm_opt.errors import InputError, expected
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
 from fcdm_opt.plain import plain
+from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.assembly_file import scene_of
 from fcdm_opt.problem.nominal import FIT
-from fcdm_opt.problem.problem import SCALES
+from fcdm_opt.problem.problem import SCALES, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import IMPOSSIBLE, Bounded, Status
 from fcdm_opt.solver import solve
@@ -125,8 +126,7 @@ class Sampler:
     @cached_property
     def weights(self) -> tuple[float, ...]:
         """Weights of the parameters in the amount, nothing for an amount that is not the weighted one."""
-        weighted = getattr(self.scene, "amount", "weighted") == "weighted"
-        return tuple(own.weight for own in self.scene.coordinates) if weighted else ()
+        return tuple(own.weight for own in self.scene.coordinates) if self.scene.amount == "weighted" else ()
 
     @property
     def late(self) -> bool:
@@ -210,7 +210,7 @@ def covered(scene: Scene, box: Any, over: Any = None) -> tuple[tuple[str, ...], 
 
     Without a `box`, (k, 2), it is what the tolerances leave open. Raises `InputError` for what has no map.
     """
-    expected(scene, Scene, "problem")
+    expected(scene, (Problem, Assembly), "problem")
     if any(problem.goal == "beyond" for problem in scene.relations.values()):
         what = "the amount of this goal jumps wherever the deviation changes sign, so it has no map"
         raise InputError(what, key="goal", found="beyond", allowed='"touch", "clear", "at" or "seat"')
@@ -239,7 +239,7 @@ def active_set(solution: Bounded) -> ActiveSet:
     for x, own in zip(q.tolist(), scene.coordinates, strict=True):
         for limit, which in zip(own.limits, ("lower", "upper"), strict=True):
             limits += [f"{which} limit of {own.name}"] * (abs(x - limit) * own.weight <= slack)
-    kinked = getattr(scene, "amount", "weighted") != "weighted"  # the weighted amount is known by its motion
+    kinked = scene.amount != "weighted"  # the weighted amount is known by its motion
     for pair, problem in scene.relations.items():
         head = "" if problem is scene else f"{' - '.join(pair)}: "
         holding = Holding(task := Task.of(problem), q, Layout.of(task), problem.limits)

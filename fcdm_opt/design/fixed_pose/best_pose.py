@@ -384,7 +384,7 @@ def _best(worst: Worst, accuracy: float, effort: int, *, fitted: bool, windowed:
         inside = inside and best.off.value <= slack
     least_gap = best.off.extremes.least.gap
     value = amount_of(problem, best.q) if inside else -least_gap if fitted else best.off.excess
-    if not weighted(problem) and inside:
+    if problem.amount != "weighted" and inside:
         bound = 0.0  # of another amount
     elif fitted:
         bound = max(bound, 0.0) - worst.low
@@ -539,14 +539,9 @@ def _searched(
     return search
 
 
-def weighted(question: Scene) -> bool:
-    """Tell whether the amount is the weighted one."""
-    return getattr(question, "amount", "weighted") == "weighted"
-
-
 def amount_of(question: Scene, q: Array) -> float:
     """Return the amount of a motion, as the question measures it."""
-    if isinstance(question, Problem) and not weighted(question):
+    if isinstance(question, Problem) and question.amount != "weighted":
         return Task.of(question).amount(q)
     return float(np.linalg.norm([own.weight * x for own, x in zip(question.coordinates, q, strict=True)]))
 
@@ -559,24 +554,14 @@ def steps_of(question: Scene) -> Array:
     return np.zeros(len(question.coordinates)) if question.resolution is None else np.array(question.resolution)
 
 
-def by_part(question: Assembly, q: Array) -> dict[str, Array]:
-    """Return the parameters of each part's motion."""
-    starts = np.cumsum([len(motion.names) for motion in question.motions.values()])[:-1]
-    return dict(zip(question.motions, np.split(q, starts), strict=True))
-
-
 def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
     """Return the pose of each part of an assembly, or that of the movable part of two, under the name ""."""
     if isinstance(question, Assembly):
-        return dict(question.poses(by_part(question, q)))
-    assert isinstance(question, Problem)
+        return dict(question.poses(question.by_part(q.tolist())))
     return {"": question.motion.transform(q, question.movable.seed, question.static.seed)}
 
 
 def motion_in_words(question: Scene, q: Array) -> str:
     """Return a motion in words, of an assembly part by part."""
-    if isinstance(question, Problem):
-        return question.motion.describe(q.tolist(), unit=question.unit)
-    assert isinstance(question, Assembly)
-    each = by_part(question, q).items()
-    return ", ".join(f"{part} {question.motions[part].describe(x.tolist(), unit=question.unit)}" for part, x in each)
+    each = question.motion_texts(q.tolist()).items()
+    return ", ".join(f"{part} {told}" if isinstance(question, Assembly) else told for part, told in each)

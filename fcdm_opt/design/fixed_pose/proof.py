@@ -19,6 +19,7 @@ from fcdm_opt.design.fixed_pose.scene import BodyGaps
 from fcdm_opt.design.fixed_pose.worst import Worst, domain
 from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
+from fcdm_opt.geometry.collision import ScaledPair
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Check
@@ -130,8 +131,6 @@ class _PoseExaminer:
     """What the witnesses of cells are worth, worked out anew."""
 
     def __init__(self, worst: Worst, evidence: PoseEvidence) -> None:
-        from fcdm_opt.geometry.collision import ScaledPair
-
         self.worst, self.scene, self.evidence = worst, worst.scene, evidence
         self.pair = ScaledPair(worst.problem.movable, worst.problem.static)
         self.kinematics = PosesOfPieces(worst.problem)

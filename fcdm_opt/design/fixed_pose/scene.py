@@ -97,7 +97,7 @@ class SizedBodies:
 
     def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
         """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""
-        raise NotImplementedError
+        return self.closed_at_each([pose])
 
     def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
         """Return those closed at each of some poses."""
@@ -316,10 +316,6 @@ class OwnSizes(SizedBodies):
         self._kept = [found]
         self._normals = np.vstack([own.normals for own in found.pairs]), np.array([own.parts for own in found.pairs])
         return found, np.zeros(3)
-
-    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
-        """Return them, by their rows."""
-        return self.closed_at_each([pose])
 
     def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
         """Return those closed at each of some poses: of one orientation at all shifts that these span."""

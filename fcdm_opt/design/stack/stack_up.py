@@ -315,7 +315,6 @@ class StackUp:
 
     @property
     def _is_constant(self) -> bool:
-        """Whether the gap is the same at all sizes."""
         return self.worst().largest - self.worst().least <= self._rounding
 
     @cached_property

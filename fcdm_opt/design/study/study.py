@@ -482,6 +482,5 @@ def _shape(value: Any) -> Any:
 
 
 def _wrong(reason: InputError, where: str) -> InputError:
-    """Return an error of a value as one of the study."""
     what = f"no problem takes this: {reason.key}: {reason.what}" if reason.key else reason.what
     return InputError(what, key=where, found=reason.found, allowed=reason.allowed, file=reason.file)

@@ -19,7 +19,7 @@ from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded, Solution
+from fcdm_opt.problem.solution import Bounded
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -82,11 +82,10 @@ class FamilyRow(PlainMotion):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"."""
-        solution, motion = self.solution, None
-        if isinstance(solution, AssemblySolution):
-            motion = "; ".join(f"{part} {told}" for part, told in solution.motions.items()) or None
-        elif isinstance(solution, Solution) and solution.parameters:
-            motion = solution.problem.motion.describe([*solution.parameters.values()], unit=solution.problem.unit)
+        solution, several = self.solution, isinstance(self.solution, AssemblySolution)
+        found = solution.coordinates if solution else {}
+        told = solution.question.motion_texts(found.values()).items() if solution and found else ()
+        motion = "; ".join(f"{part} {text}" if several else text for part, text in told) or None
         bound = None if solution is None else plain(solution.lower_bound)
         state = getattr(solution, "pair_state", "")
         return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
@@ -163,11 +162,10 @@ def compare(
 
 def _usual(problem: Any) -> dict[str, Motion | None]:
     """Return the usual families, and what is asked where that is none of them."""
-    usual, several = families(), isinstance(problem, Assembly)
-    own = [*problem.motions.values()] if several else [problem.motion]
+    usual, own = families(), problem.motions.values()
     if any(all(motion.steps == each.steps for each in own) for motion in usual.values()):
         return {**usual}
-    return {OWN: None if several else problem.motion, **usual}
+    return {OWN: None if isinstance(problem, Assembly) else problem.motion, **usual}
 
 
 def _named(motions: Mapping[str, Motion] | Iterable[Motion]) -> dict[str, Motion | None]:

@@ -385,7 +385,6 @@ def drop(problem: Scene | Bounded) -> Costs:
 
 
 def _without(solution: Any, constraint: Constraint) -> Dropped:
-    """Return what a constraint costs."""
     # the motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing
     problem, name, rate = solution.question, constraint.name, constraint.rate(solution.sensitivity)
     without_it = solve(without(problem, [name]), effort="quick")

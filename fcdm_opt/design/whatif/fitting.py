@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.solver import has_motion, solve
 from fcdm_opt.tolerances import DEFAULT
-
-if TYPE_CHECKING:
-    from fcdm_opt.problem.assembly import Assembly
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
@@ -76,7 +73,7 @@ def without_clearance(scene: Scene) -> Any:
     """Return the answer to a question without its clearances, as `usable_answer`; None of one that has none."""
     if isinstance(scene, Problem):
         return usable_answer(scene, clearance=0.0) if scene.goal == "clear" and scene.clearance > 0.0 else None
-    contacts = cast("Assembly", scene).contacts
+    contacts = scene.contacts
     if not any(own.asked.get("clearance") for own in contacts):
         return None
     return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])

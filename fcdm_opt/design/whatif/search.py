@@ -393,17 +393,13 @@ class ClashSearch:
 
     def trials(self) -> Iterator[Trial]:
         """Ask, with all constraints dropped, whether any motion can do it, and whether another goal can be met."""
-        bare = without(self.problem, self.names)
-        if isinstance(bare, Assembly):
-            motions = dict.fromkeys(bare.motions, Free())
-            if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
-                free = bare.changed(motions=motions, amount="weighted")
-                yield Trial(change="all motions free = true", solution=self.solved(free))
-            return
-        given = {"weights": None, "published": None, "amount": "weighted"}
-        if self.problem.motion.parameters != Free().parameters:
-            yield Trial(change="motion free = true", solution=self.solved(bare.changed(motion=Free(), **given)))
+        bare, several = without(self.problem, self.names), isinstance(self.problem, Assembly)
+        if any(motion.parameters != Free().parameters for motion in bare.motions.values()):
+            every = {"motions": dict.fromkeys(bare.motions, Free())}
+            free = every if several else {"motion": Free(), "weights": None, "published": None}
+            change = f"{'all motions' if several else 'motion'} free = true"
+            yield Trial(change=change, solution=self.solved(bare.changed(**free, amount="weighted")))
         untracked = {"contacts": None, "features": None}
-        for goal in ("touch", "clear"):
+        for goal in () if several else ("touch", "clear"):
             if goal != self.problem.goal:
                 yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, **untracked)))

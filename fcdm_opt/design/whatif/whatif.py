@@ -172,7 +172,6 @@ def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
 
 
 def _limits(before: Solution, new: Problem) -> Told:
-    """Yield what changed limits add."""
     for k, (name, (lower, upper)) in enumerate(before.sensitivity.limits.items()):
         held, ends = before.problem.limits[k], new.limits[k]
         if held[0] == held[1]:

@@ -18,6 +18,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import floored, measured, signed
+from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import drawn, finite
 from fcdm_opt.problem.active_parts import with_parts
 from fcdm_opt.problem.assembly import Assembly
@@ -115,13 +116,12 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
     limits are those of pairs drawn. `name` begins the identifiers of its chart.
     """
     from fcdm_opt.design.stack.stack_up import stack_up
-    from fcdm_opt.judge.certificate import verify
 
     if not scene.sizes:
         return None
     try:
         with pacing.looking(STACKED):
-            found = stack_up(scene, of=of)  # type: ignore[arg-type]
+            found = stack_up(scene, of=of)
             worst, spread = found.worst(), found.root_sum_square()
             noise, ends = noise_of(found.touching.bodies), [spread.low, spread.high]
             gaps = [0.0 if abs(x) <= noise else x for x in (worst.least, worst.largest)]
@@ -216,7 +216,6 @@ def answered(solution: Solution) -> dict[str, Any]:
 
 
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
-    """Return question and answer."""
     solution = case.solution
     every = [text for text in remarks(solution) if text not in beyond_tolerances(problem)]
     said = [text for text in every if not isinstance(text, GoodNews)]
@@ -337,7 +336,6 @@ def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
-    """Return the bodies and all frames."""
     problem = problem if solution.problem.exact_at is None else solution.problem.reformulated
     far = [target for target in (target_at(problem, factor) for factor in (0.0, FACTORS[-1])) if target.min() > 0]
     seen = window(problem, solution, far)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from fcdm_opt.design.study.results import DRAW
+from fcdm_opt.design.study.results import DRAW, StudyResult
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
+from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import SIGNS
-from fcdm_opt.problem.solution import Status
+from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import inline_svg, texts
 from fcdm_opt.show.assemblies import ARROWS, assembly_verdict, part_texts, parts_of, unsaid
 from fcdm_opt.show.contact_faces import with_whole_faces
@@ -24,11 +25,6 @@ from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
 from fcdm_opt.show.verdict import barred_text, length_text
-
-if TYPE_CHECKING:
-    from fcdm_opt.design.study.results import StudyResult
-    from fcdm_opt.problem.assembled import AssemblySolution
-    from fcdm_opt.problem.solution import Solution
 
 Data = Mapping[str, Any]
 
