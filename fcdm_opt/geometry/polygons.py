@@ -322,16 +322,12 @@ class Sides:
 
 def components(links: Ints, count: int) -> Ints:
     """Return the number of each one's connected component, by their first ones, from pairs that are linked, (k, 2)."""
-    first = list(range(count))  # of each one an earlier one of its component, or itself
-    for a, b in np.asarray(links, np.int64).reshape(-1, 2).tolist():
-        while first[a] != a:
-            first[a] = a = first[first[a]]
-        while first[b] != b:
-            first[b] = b = first[first[b]]
-        first[max(a, b)] = min(a, b)
-    for k in range(count):
-        first[k] = first[first[k]]
-    return np.unique(np.array(first, np.int64), return_inverse=True)[1]
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    one, two = np.asarray(links, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(one), np.int8), (one, two)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64) if count else np.empty(0, np.int64)
 
 
 def fans(loops: Sequence[Polygon]) -> Ints:
