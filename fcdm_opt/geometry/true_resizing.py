@@ -22,7 +22,7 @@ from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
 from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each, onto_crossings
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
 Cut = Callable[[Body, Array], Body | None]
@@ -139,18 +139,13 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     places, around = body.vertices.copy(), faces_around(body)
     middles = [body.vertices[np.array(own) - 1].mean(axis=0) for own in body.faces]
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
-    moved = dict[int, list[int]]()  # by how many faces meet there
-    for row, faces in enumerate(around):
-        if offsets[list(faces)].any() or not faces.isdisjoint(shifted):
-            moved.setdefault(len(faces), []).append(row)
-            places[row] = _carried(places[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
-    for rows in moved.values():
-        which = np.array([sorted(around[row]) for row in rows])
-        kept = misses_of_each(body.vertices[rows], drawn, which)[0]
-        places[rows] = onto_crossings(places[rows], true, which, kept, middles, DEFAULT.tie * body.size)
-        if np.abs(misses_of_each(places[rows], true, which)[0] - kept).max() > DEFAULT.snap * body.size:
-            return None
-    return places
+    rows = [row for row, own in enumerate(around) if offsets[list(own)].any() or not own.isdisjoint(shifted)]
+    for row in rows:
+        places[row] = _carried(places[row], *[shifted[face] for face in sorted(around[row]) if face in shifted][:1])
+    meeting = [sorted(around[row]) for row in rows]
+    near, both = DEFAULT.tie * body.size, (drawn, true)
+    places[rows], off = onto_crossings(body.vertices[rows], places[rows], meeting, both, middles, near)
+    return None if off.max(initial=0.0) > DEFAULT.snap * body.size else places
 
 
 @cached_per_body
