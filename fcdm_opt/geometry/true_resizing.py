@@ -33,13 +33,10 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
     """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces."""
     # it has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
     # is round, what its faces are is not known, or it would change its shape
-    moved = _moved_faces(body, offsets)
+    moved = _moved(body, offsets)
     if moved is None or not (body.triangles or len(body.parts) == 1):
         return None
-    rounds, true = moved
-    places = _corners_on(true, body, offsets)
-    if places is None:
-        return None
+    rounds, true, places = moved
     try:
         made = None
         with suppress(InputError):  # of cuts that would part, or a point inside now
@@ -54,24 +51,24 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
 
 def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
     """Return where the corners are of a body whose faces moved outward, (faces,), as of `on_true_faces`; (n, 3)."""
-    moved = _moved_faces(body, offsets)
-    return None if moved is None else _corners_on(moved[1], body, offsets)
+    moved = _moved(body, offsets)
+    return None if moved is None else moved[2]
 
 
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round."""
     # nan of points of cuts
-    moved = _moved_faces(body, offsets)
-    places = None if moved is None else _corners_on(moved[1], body, offsets)
-    if moved is None or places is None:
+    moved = _moved(body, offsets)
+    if moved is None:
         return None
+    _, true, places = moved
     moves, rates = MovesOfFaces.of(body, (size,)), np.zeros_like(places)
     for row, around in enumerate(faces_around(body)):
         faces = sorted(around)
         if not faces:
             rates[row] = np.nan
         elif moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings)):
-            looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
+            looks = [true[face].misses(places[None, row])[1][0] for face in faces]
             out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
             rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
     return rates
@@ -111,14 +108,18 @@ def surface_with_corners(
     return Surface.of(rows, found, owners)
 
 
-def _moved_faces(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept]] | None:
-    """Return the round surfaces of a body whose faces moved outward, and the surface of each face; None of no round."""
+def _moved(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept], Array] | None:
+    """Return the round surfaces of a body whose faces moved outward, the surface of each face, and its corners on them.
+
+    None where none is round, or what its faces are is not known, and where faces that meet as drawn no longer do.
+    """
     rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
     if not rounds or errors is None:
         return None
     true = _each_surface(body, rounds, offsets)
-    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
-    return (rounds, true) if all(known) else None
+    known = all(error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True))
+    places = _corners_on(true, body, offsets) if known else None
+    return None if places is None else (rounds, true, places)
 
 
 def _each_surface(body: Body, rounds: RoundFaces, offsets: Array) -> list[Swept]:
