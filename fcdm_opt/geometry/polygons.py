@@ -90,19 +90,25 @@ def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     return (((points[:, None, None] - polygons) * inward).sum(axis=3) >= -slack).all(axis=2)
 
 
-def distances(points: Array, polygons: Array) -> Array:
-    """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
+def ways_from(points: Array, polygons: Array) -> Array:
+    """Return the ways to points, (..., k, 3), from the nearest of triangles or segments, (..., 3 or 2, 3)."""
     corners = polygons[..., None, :, :]
     along = following(corners) - corners
     spokes = points[..., None, :] - corners
     share = dots(spokes, along) / np.maximum(dots(along, along), np.finfo(float).tiny)
-    rim = norms(spokes - np.clip(share, 0, 1)[..., None] * along).min(axis=-1)
+    off = spokes - np.clip(share, 0, 1)[..., None] * along
+    rim = np.take_along_axis(off, dots(off, off).argmin(axis=-1)[..., None, None], axis=-2)[..., 0, :]
     normal = cross(along[..., 0, :], along[..., 1, :])
-    length = norms(normal)
-    broad = length > DEFAULT.nominal * dots(along, along).max(axis=-1)  # of slivers the rim tells as much
-    length = np.where(broad, length, 1.0)
+    square = dots(normal, normal)
+    broad = square > (DEFAULT.nominal * dots(along, along).max(axis=-1)) ** 2  # of slivers the rim tells as much
     above = broad & (dots(cross(normal[..., None, :], along), spokes).min(axis=-1) >= 0)
-    return np.asarray(np.where(above, np.abs(dots(spokes[..., 0, :], normal)) / length, rim))
+    height = dots(spokes[..., 0, :], normal) / np.where(broad, square, 1.0)
+    return np.where(above[..., None], height[..., None] * normal, rim)
+
+
+def distances(points: Array, polygons: Array) -> Array:
+    """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
+    return norms(ways_from(points, polygons))
 
 
 def coplanar(
