@@ -661,6 +661,12 @@ class Body(_Sealed, NotebookRepr):
         return np.concatenate([own for own, _ in found]), np.concatenate([own for _, own in found])
 
     @cached_property
+    def _part_rows(self) -> list[Ints]:
+        """The rows of `vertices` of each part's own, of equal ones the last."""
+        rows = {tuple(point): row for row, point in enumerate(self.vertices.tolist())}
+        return [np.array([rows[tuple(point)] for point in part.vertices.tolist()]) for part in self.parts]
+
+    @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
@@ -686,9 +692,7 @@ class Body(_Sealed, NotebookRepr):
         """Return the same body with the triangles of its faces known, rows of `vertices`: parts lie on these faces."""
         owners = np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
         surface = Surface.of(self.vertices, np.concatenate([np.array(own) for own in triangles]), owners)
-        found = {tuple(point): row for row, point in enumerate(self.vertices.tolist())}
-        rows = [np.array([found[tuple(point)] for point in part.vertices.tolist()]) for part in self.parts]
-        made = Body._made(self.vertices, rows, None, self.seed, self.name, surface=surface)
+        made = Body._made(self.vertices, self._part_rows, None, self.seed, self.name, surface=surface)
         return made if made.faces == self.faces else replace(self, triangles=triangles)
 
     def by_features(self, rule: int) -> Body:

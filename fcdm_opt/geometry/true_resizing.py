@@ -175,12 +175,10 @@ def _of_same_part(body: Body, places: Array) -> Body | None:
     """Return a convex body with its corners elsewhere; None where it has other faces then, or cut into parts."""
     if len(body.parts) > 1:
         return None
-    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
-    part = np.array([row_of[point] for point in map(tuple, body.parts[0].vertices.tolist())])
-    made = Body._made(places, [part], None, body.seed, body.name)
+    made = Body._made(places, body._part_rows, None, body.seed, body.name)
     if {*map(frozenset, made.faces)} != {*map(frozenset, body.faces)}:
         return None
-    return replace(body, vertices=frozen(places), parts=(body.parts[0].placed(places[part], body.seed),))
+    return replace(body, vertices=frozen(places), parts=(body.parts[0].placed(places[body._part_rows[0]], body.seed),))
 
 
 def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:
