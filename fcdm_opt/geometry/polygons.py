@@ -285,6 +285,12 @@ class Sides:
         return order[self.counts[self.edge[order]] == 2].reshape(-1, 2)
 
     @property
+    def links(self) -> Ints:
+        """Each two sides of an edge that come one after the other, (m, 2), edge by edge."""
+        order = np.argsort(self.edge, kind="stable")
+        return np.column_stack([order[:-1], order[1:]])[np.diff(self.edge[order]) == 0]
+
+    @property
     def odd(self) -> Ints:
         """Sides of edges that have an odd number of them: the surface ends there."""
         return np.flatnonzero(self.counts[self.edge] % 2)
