@@ -253,7 +253,9 @@ class _Solving:
         assembly, known = self._assembly, {pair[:2] for pair in pairs}
         asked = {frozenset(pair) for pair in known}
         poses = assembly.poses({part: q.get(part, self._rest(part)) for part in assembly.motions})
-        boxes = {part: _box(assembly, part, poses[part]) for part in assembly.parts}
+        made = assembly.bodies_made.items()
+        points = {part: body.placed_vertices(assembly.scales[part], poses[part]) for part, body in made}
+        boxes = {part: (own.min(axis=0), own.max(axis=0)) for part, own in points.items()}
         found = []
         for one, two in assembly.moving_pairs():
             (low, high), (least, most) = boxes[one], boxes[two]
@@ -322,11 +324,3 @@ def _groups(assembly: Assembly, pairs: Sequence[JoinedPair]) -> Iterator[list[Jo
             group += [own for own, _ in near]
             parts = parts.union(*(own for _, own in near))
         yield group
-
-
-def _box(assembly: Assembly, part: str, pose: Array) -> tuple[Array, Array]:
-    """Return the lower and the upper corner of a box round a part as made."""
-    body, scale = assembly.bodies_made[part], assembly.scales[part]
-    drawn = np.concatenate([own.vertices for own in body.parts])
-    points = (body.seed + scale * (drawn - body.seed)) @ pose[:3, :3].T + pose[:3, 3]
-    return points.min(axis=0), points.max(axis=0)

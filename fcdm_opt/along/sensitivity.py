@@ -483,18 +483,13 @@ def _summed(rates: Any, changes: Array) -> float:
 
 def _shifts(body: Body, moves: Array) -> Array:
     """Return how far each face's plane moves outwards, nan where it turns, or where it is not known, (f,)."""
-    normals = {
-        tuple(sorted(element.vertices)): part.normals[k]
-        for part in body.parts
-        for k, element in enumerate(part.elements["F"])
-    }
     made = np.full(len(body.faces), np.nan)
-    for k, face in enumerate(body.faces):
+    for k, (face, normal) in enumerate(zip(body.faces, body.face_planes[0], strict=True)):
         moved = moves[np.array(face) - 1]
         if not moved.any():
             made[k] = 0.0
-        elif face in normals:
-            along = moved @ normals[face]
+        elif normal.any():
+            along = moved @ normal
             if np.ptp(along) <= DEFAULT.planarity * body.size:
                 made[k] = along.mean()
     return made

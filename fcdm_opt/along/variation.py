@@ -115,8 +115,7 @@ class Layout:
         """Which entries are shifts of faces that part a vertex, one of more than three faces, (n,)."""
         made = np.zeros(self.size, dtype=bool)
         for k, body in enumerate(self.bodies):
-            around = self._planes[k][1]
-            made[self.faces(k)] = [any(len(around[label]) > 3 for label in face) for face in body.faces]
+            made[self.faces(k)] = [any(len(body.faces_with((label,))) > 3 for label in face) for face in body.faces]
         return made
 
     def rate(self, name: str = "", slope: Array | None = None, *, free: bool = False) -> Rate:
@@ -124,50 +123,25 @@ class Layout:
         slope = np.zeros(self.parameters) if slope is None else slope
         return Rate(name, slope, np.zeros(2), np.zeros(self.size), np.zeros(self.size, dtype=bool), free)
 
-    @cached_property
-    def _planes(self) -> list[tuple[dict[tuple[int, ...], int], dict[int, list[int]], Array]]:
-        """For each body: number of each face by its labels, faces at each label, outward normals (nan: unknown)."""
-        made = []
-        for body in self.bodies:
-            numbers = {face: k for k, face in enumerate(body.faces)}
-            around: dict[int, list[int]] = {}
-            for k, face in enumerate(body.faces):
-                for label in face:
-                    around.setdefault(label, []).append(k)
-            normals = np.full((len(body.faces), 3), np.nan)
-            for part in body.parts:
-                for k, element in enumerate(part.elements["F"]):
-                    span = part.elements.spans.get(("F", k))
-                    for own in span.elements if span else (element,):
-                        number = numbers.get(tuple(sorted(own.vertices)))
-                        if number is not None:
-                            normals[number] = part.normals[k]
-            made.append((numbers, around, normals))
-        return made
-
     def carry(self, data: Array, broken: Flags, term: Term, pull: Array) -> None:
         """Add to a rate's `data` what moving a term's vertices and planes does, and mark what is broken."""
         # a displacement of the point, as drawn, is multiplied with `pull`, (3,)
         vertices = data[self.vertices(term.body)].reshape(-1, 3)
         lost = broken[self.vertices(term.body)].reshape(-1, 3)
-        rows = np.array(term.element.vertices) - 1
+        body, (kind, labels) = self.bodies[term.body], term.element
+        rows = np.array(labels) - 1
         if term.flush or len(rows) > 3:  # it turns the plane of other vertices, or parts it
             lost[rows] = True
         else:
-            corners = self.bodies[term.body].vertices[rows]
+            corners = body.vertices[rows]
             shares = np.linalg.lstsq((corners[1:] - corners[0]).T, term.point - corners[0])[0]
             vertices[rows] += np.append(1.0 - shares.sum(), shares)[:, None] * pull
         # the faces that carry the element, and how fast each moves it; nan where it would come apart
-        numbers, around, normals = self._planes[term.body]
-        kind, labels = term.element
-        if kind == "F":
-            own = [numbers[tuple(sorted(labels))]] if tuple(sorted(labels)) in numbers else []
-        else:
-            own = sorted(set.intersection(*(set(around.get(label, ())) for label in labels)))
-        planes = normals[own]
-        shifts = np.full((len(own), 3), np.nan)
-        known = len(own) == {"F": 1, "E": 2, "V": 3}[kind] and np.isfinite(planes).all()
-        if known and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:
+        faces = [tuple(sorted(labels))] if kind == "F" else body.faces_with(labels)
+        own = [body.face_rows[face] for face in faces if face in body.face_rows]
+        planes, shifts = body.face_planes[0][own], np.full((len(own), 3), np.nan)
+        alone = len(own) == {"F": 1, "E": 2, "V": 3}[kind]
+        if alone and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:  # a plane not known is 0
             shifts = np.linalg.pinv(planes).T
         chosen, lost_shifts = np.array(own, dtype=np.int64), np.isnan(shifts).any(axis=1)
         data[self.faces(term.body)][chosen] += np.where(lost_shifts, 0.0, shifts @ pull)

@@ -15,6 +15,7 @@ from fcdm_opt.curve.touching import clipped, touching_vertices
 from fcdm_opt.geometry.arrays import Array, Ints, crossed
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
+from fcdm_opt.geometry.measures import nearest_points
 from fcdm_opt.geometry.patches import patches_of_element
 from fcdm_opt.tolerances import DEFAULT
 
@@ -186,7 +187,7 @@ def meetings(movable: Body, static: Body, pose: Array, rho: Array, slack: float)
         near = len(touching) > 1 and abs(separations[widest]) <= tight
         near = near and _across(one, two, contact, separations) <= tight
         elements = placed_elements(one, two, pose, contact, rho)
-        sure.append(near and float(np.linalg.norm(np.subtract(*_nearest_points(*elements)))) <= tight)
+        sure.append(near and float(np.linalg.norm(np.subtract(*nearest_points(*elements)))) <= tight)
     return [meeting for meeting, own in zip(found, sure, strict=True) if own or not any(sure)]
 
 
@@ -388,7 +389,7 @@ def contact_set(one: ConvexPart, two: ConvexPart, pose: Array, contact: Contact,
     else:
         shared = X[:0]
     if not len(shared):  # a common point, or the middle between them
-        shared = np.mean(_nearest_points(X, Y), axis=0, keepdims=True)
+        shared = np.mean(nearest_points(X, Y), axis=0, keepdims=True)
     return _distinct(shared)
 
 
@@ -432,17 +433,3 @@ def _distinct(points: Array) -> Array:
     near = DEFAULT.nominal * np.abs(points).max()
     kept = (np.abs(points - points[np.arange(len(points)) - 1]) > near).any(axis=1)
     return points[kept] if kept.any() else points[:1]
-
-
-def _nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:
-    """Return points of two elements, the same where they have one in common and else about the nearest."""
-    from scipy.optimize import nnls
-
-    # weights of both elements' vertices, non-negative and each adding up to one, that give the same point
-    middle = (X.mean(axis=0) + Y.mean(axis=0)) / 2.0
-    scale = max(np.abs(X - middle).max(), np.abs(Y - middle).max(), np.finfo(float).tiny)
-    ones = np.concatenate([np.ones(len(X)), np.zeros(len(Y))])
-    system = np.vstack([np.column_stack([(X - middle).T, (middle - Y).T]) / scale, ones, 1.0 - ones])
-    weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
-    first, second = weights[: len(X)], weights[len(X) :]
-    return first @ X / first.sum(), second @ Y / second.sum()

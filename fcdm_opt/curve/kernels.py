@@ -1865,11 +1865,18 @@ def _list(sites, rows, k, kind, i, j, row):
 def least_separation(reals1, ints1, reals2, ints2, pose, rho):
     """Return the largest separation over facet directions, max of c - a rho_1 - b rho_2."""
     # minus the penetration depth where the parts overlap, a lower bound of the distance where they are apart
-    rows = facet_rows(reals1, ints1, reals2, ints2, pose)[1]
-    best = -_INF
-    for k in range(len(rows)):
-        best = max(best, rows[k, 5] - rows[k, 3] * rho[0] - rows[k, 4] * rho[1])
-    return best
+    return _widest(facet_rows(reals1, ints1, reals2, ints2, pose)[1], rho[0], rho[1])[1]
+
+
+@kernel
+def _widest(rows, x, y):
+    """Return the row with the largest separation, and that."""
+    best, widest = 0, -np.inf
+    for r in range(len(rows)):
+        wide = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
+        if wide > widest:
+            best, widest = r, wide
+    return best, widest
 
 
 @light

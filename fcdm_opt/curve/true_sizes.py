@@ -32,7 +32,7 @@ from fcdm_opt.geometry.patches import (
     true_faces,
 )
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import misses_of_each, onto, onto_crossings, onto_each
+from fcdm_opt.geometry.tessellation import onto, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
@@ -40,7 +40,6 @@ SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
-COSINE = 1.0 - DEFAULT.sharp**2  # of faces that are tangent
 APART = 0.05  # of the size: nearer points at the same sizes are one
 ROLES = "movable", "static"
 
@@ -566,14 +565,9 @@ class SizedFaces:
         meeting = [np.unique(owners[self._places == k]).tolist() for k in range(len(points))]
         met = [(x, *_meeting(self.faces, own, x)) for x, own in zip(points, meeting, strict=True)]
         self._middles = [self.faces.corners[self.faces.owners == k].mean(axis=(0, 1)) for k in range(owners.max() + 1)]
-        smooth = [k for k, (_, _, own) in enumerate(met) if np.triu(np.abs(own @ own.T), 1).max() > COSINE]
-        counts = {len(meeting[k]) for k in smooth}
-        groups = ([k for k in smooth if len(meeting[k]) == count] for count in counts)
-        self._tangent = [(rows, np.array([meeting[k] for k in rows])) for rows in groups]
-        bent = [row for row, own in enumerate(meeting) if len(own) > 1 and self.faces.is_round[own].any()]
-        bent = [row for row in bent if row not in smooth]
-        which = [[*meeting[row], *meeting[row][:1] * len(meeting)][: max(map(len, meeting))] for row in bent]
-        self._bent = bent, np.array(which, np.int64)  # edges of round faces, and what meets there
+        # corners and edges of round faces leave these with the square of the sizes
+        self._bent = [row for row, own in enumerate(meeting) if len(own) > 1 and self.faces.is_round[own].any()]
+        self._meeting = [meeting[row] for row in self._bent]
         shifting = [np.abs(own).max(initial=0.0) for own in (*np.moveaxis(self.moves.shifts, 2, 0), *self.moves.turns)]
         own = np.reshape(shifting, (2, -1)).max(axis=0, initial=0.0) if self.faces.is_round.any() else ()
         self.shifts = [k for k, shift in zip(columns, own, strict=False) if shift > DEFAULT.nominal]
@@ -622,14 +616,9 @@ class SizedFaces:
             else:
                 surface = own.surface._replace(origin=own.surface.origin + lengths[row] * own.surface.axis)
             patches.append(own._replace(surface=surface))
-        moves, surfaces = self._moves @ values / scale, [own.surface for own in patches]
-        rows, which = self._bent
-        if rows:  # these leave the faces with the square of the sizes
-            there = self._points[rows] + moves[rows]
-            off = onto_each(there, surfaces, which) - there
-            moves[rows] += np.where(norms(off) <= norms(moves[rows]), 1.0, 0.0)[:, None] * off
-        corners = self._points + moves
-        for rows, met in self._tangent:
-            kept = misses_of_each(self._points[rows], [own.surface for own in self.faces.patches], met)[0]
-            corners[rows] = onto_crossings(corners[rows], surfaces, met, kept, self._middles, self.faces.slack)
+        corners, rows = self._points + self._moves @ values / scale, self._bent
+        both = [own.surface for own in self.faces.patches], [own.surface for own in patches]
+        met = self._points[rows], corners[rows], self._meeting
+        there, off = onto_crossings(*met, both, self._middles, self.faces.slack)
+        corners[rows] = np.where(off[:, None] <= DEFAULT.snap * self.faces.body.size, there, corners[rows])
         return self.faces.moved(patches, corners[self._places].reshape(-1, 3, 3)), scale

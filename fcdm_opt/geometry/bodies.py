@@ -661,6 +661,12 @@ class Body(_Sealed, NotebookRepr):
         return np.concatenate([own for own, _ in found]), np.concatenate([own for _, own in found])
 
     @cached_property
+    def _part_rows(self) -> list[Ints]:
+        """The rows of `vertices` of each part's own, of equal ones the last."""
+        rows = {tuple(point): row for row, point in enumerate(self.vertices.tolist())}
+        return [np.array([rows[tuple(point)] for point in part.vertices.tolist()]) for part in self.parts]
+
+    @cached_property
     def size(self) -> float:
         """Diagonal of the axis-aligned box as drawn: the length that relative tolerances refer to."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
@@ -686,9 +692,7 @@ class Body(_Sealed, NotebookRepr):
         """Return the same body with the triangles of its faces known, rows of `vertices`: parts lie on these faces."""
         owners = np.repeat(np.arange(len(triangles)), list(map(len, triangles)))
         surface = Surface.of(self.vertices, np.concatenate([np.array(own) for own in triangles]), owners)
-        found = {tuple(point): row for row, point in enumerate(self.vertices.tolist())}
-        rows = [np.array([found[tuple(point)] for point in part.vertices.tolist()]) for part in self.parts]
-        made = Body._made(self.vertices, rows, None, self.seed, self.name, surface=surface)
+        made = Body._made(self.vertices, self._part_rows, None, self.seed, self.name, surface=surface)
         return made if made.faces == self.faces else replace(self, triangles=triangles)
 
     def by_features(self, rule: int) -> Body:
@@ -846,27 +850,30 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
     T = np.array(transform, order="C") if plain else in_full(transform, numbers(transform, key))
     if T.shape != (4, 4):
         raise InputError("a transform is a 4x4 matrix", key=key, found=f"shape {T.shape}")
-    # plain floats: numpy takes longer for sixteen numbers
-    (a, b, c, x), (d, e, f, y), (g, h, i, z), last = T.tolist()
-    if not isfinite(sum((a, b, c, d, e, f, g, h, i, x, y, z, *last))):
+    if not all(map(isfinite, T.ravel().tolist())):
         raise InputError("a transform is a finite 4x4 matrix", key=key, found=T.tolist())
-    if max(abs(x), abs(y), abs(z)) > LARGEST:
-        raise InputError("a translation too large to calculate with", key=key, found=[x, y, z], allowed=f"{LARGEST:g}")
-    error = max(
-        abs(a * a + b * b + c * c - 1.0),
-        abs(d * d + e * e + f * f - 1.0),
-        abs(g * g + h * h + i * i - 1.0),
-        abs(a * d + b * e + c * f),
-        abs(a * g + b * h + c * i),
-        abs(d * g + e * h + f * i),
-        *(abs(p - q) for p, q in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
-    )
+    shift = T[:3, 3].tolist()
+    if max(map(abs, shift)) > LARGEST:
+        raise InputError("a translation too large to calculate with", key=key, found=shift, allowed=f"{LARGEST:g}")
+    error, determinant = skewness(T)
     if not error <= DEFAULT.rigid:
         raise InputError(NOT_RIGID, key=key, found=f"one that is off by {error:.3g}: {T.tolist()}", allowed=RIGID)
-    if a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0:
+    if determinant < 0:
         raise InputError(NOT_RIGID, key=key, found=f"a mirror image: {T.tolist()}", allowed=RIGID)
     T.flags.writeable = False
     return T
+
+
+def skewness(T: Array) -> tuple[float, float]:
+    """Return how far a 4x4 transform is from a rigid motion, or its mirror image, and the determinant, which tells."""
+    # plain floats: numpy takes longer for sixteen numbers
+    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = T.tolist()
+    error = max(
+        *(abs(x * x + y * y + z * z - 1.0) for x, y, z in ((a, b, c), (d, e, f), (g, h, i))),
+        *(abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)),
+        *(abs(x - y) for x, y in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
+    )
+    return error, a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
 
 
 # ---------------------------------------------------------------------------------------------------- input checks

@@ -15,7 +15,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
-from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import norms, volume_and_centroid
 from fcdm_opt.geometry.polygons import Polygon, Sides, between, by_size, components, distances, widths
 from fcdm_opt.tolerances import DEFAULT
@@ -296,12 +296,9 @@ def simplified(points: Array, triangles: Ints, off: float, most: float) -> Joine
 
 def _farthest(points: Array, surface: Array, most: float) -> float:
     """Return how far the farthest of some points is from triangles, (t, 3, 3); infinite beyond `most`."""
-    near = np.full(len(points), np.inf)
-    low = np.concatenate([points - most, surface.min(axis=1)])
-    high = np.concatenate([points + most, surface.max(axis=1)])
-    for one, two in overlapping(low, high, np.repeat([0, 1], [len(points), len(surface)])):
-        own, other = np.minimum(one, two), np.maximum(one, two) - len(points)
-        np.minimum.at(near, own, distances(points[own][:, None], surface[other])[:, 0])
+    pairs = overlapping_between(points - most, points + most, surface.min(axis=1), surface.max(axis=1))
+    near, (own, other) = np.full(len(points), np.inf), pairs.T
+    np.minimum.at(near, own, distances(points[own][:, None], surface[other])[:, 0])
     return float(np.where(near <= most, near, np.inf).max(initial=0.0))
 
 

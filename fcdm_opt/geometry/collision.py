@@ -22,7 +22,7 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry import judging
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, exactly
 from fcdm_opt.geometry.bodies import Body, ConvexPart
-from fcdm_opt.geometry.measures import nearest_mixture
+from fcdm_opt.geometry.measures import least_vector, nearest_mixture
 from fcdm_opt.tolerances import DEFAULT
 
 # Above this many edge pairs `least_separations` costs more than all else that the judge does: nan, coal stands alone.
@@ -374,11 +374,8 @@ def _gaps_along(n: Array, one: _Hull, two: _Hull, frame: _Frame) -> Array:
 def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
     """Return about the shortest way from part 1 to part 2: GJK that starts there has nothing left to get wrong."""
     # all differences y - x of points of the two parts are {v : n_i.v >= gap_i}. Its point nearest to zero, over the
-    # directions with a gap at the vertices that are nearest, is a least distance problem, solved through non-negative
-    # least squares. Of parts that overlap, the direction in which they do so least; of very large ones that of the
-    # seeds
-    from scipy.optimize import nnls
-
+    # directions with a gap at the vertices that are nearest, is a least distance problem. Of parts that overlap, the
+    # direction in which they do so least; of very large ones that of the seeds
     places = _nearest(one, two, frame)
     first, second = (_edges_at(hull.part, rows) for hull, rows in zip((one, two), places, strict=True))
     faces = np.unique(one.part.edges[first, 2:]), np.unique(two.part.edges[second, 2:])
@@ -389,12 +386,8 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
         if len(one.edges) * len(two.edges) > EXHAUSTIVE:
             return -frame.offset
         return np.asarray(judging.widest_gaps(*one.solid[:4], *two.solid[:4], frame.row[None], True)[0, 1:])
-    best = apart[gaps[apart].argmax()]
-    system = np.vstack([n[apart].T, gaps[apart] / gaps[best]])
-    weights, _ = nnls(system, np.array([0.0, 0.0, 0.0, 1.0]))
-    way = system[:3] @ weights
-    length = float(np.linalg.norm(way))
-    return way / length if length > 0 else n[best]
+    way = least_vector(n[apart], gaps[apart])
+    return n[apart[gaps[apart].argmax()]] if way is None else way / np.linalg.norm(way)
 
 
 def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt import pacing
+from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_per_body
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
@@ -35,8 +35,7 @@ from fcdm_opt.geometry.naming import (
     side_by_side,
 )
 from fcdm_opt.geometry.polygons import by_size, components
-from fcdm_opt.geometry.pyramids import Pyramids, pyramid_shape
-from fcdm_opt.geometry.surface import Surface
+from fcdm_opt.geometry.pyramids import pyramids
 from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT
@@ -431,36 +430,14 @@ def _surface_moved(body: Body, off: Array, flat: Flags) -> Body | None:
     points = body.vertices + moves[same]
     if (unit_normals(points[triangles]) * normals).sum(axis=1).min() <= 0.0:  # a facet would turn over
         return None
-    places = {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
-    hulls, faces = list[Hull](), list[int]()
-    for part, own in zip(body.parts, body.facet_faces, strict=True):
-        pacing.check()
-        *base, apex = [places[tuple(corner)] for corner in part.vertices.tolist()]
-        for piece in _bases(points, [base[k] for k in part.loops[0]], DEFAULT.planarity * body.size):
-            a, b, c = points[piece[:3]]
-            if (points[apex] - a) @ np.cross(b - a, c - a) < 0.0:
-                hulls.append(Hull(np.array([*piece, apex]), *pyramid_shape(len(piece))))
-                faces += own[0][:1]
-    surface = Surface.of(points, triangles, owners)
-    number = np.zeros(len(body.faces), np.int64)
-    number[owners] = surface.owners
-    made = Pyramids(points, hulls, surface, number[faces])
+    try:
+        made = pyramids(points[: triangles.max() + 1], triangles, body.name, owners)  # apexes come after
+    except InputError:
+        return None
     return replace(
         Body._of_surface(made, body.seed, body.name, notes=body.notes[:1], moved=0.0),
-        facet_errors=np.zeros((len(surface.faces), 2)),
+        facet_errors=np.zeros((len(made.surface.faces), 2)),
     )
-
-
-def _bases(points: Array, base: list[int], near: float) -> list[list[int]]:
-    """Return a polygon where it is plane and convex, else its triangles."""
-    if len(base) == 3:
-        return [base]
-    corners = points[base]
-    normal = unit_normals(corners[None])[0]
-    turns = np.cross(corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners) @ normal
-    if np.abs((corners - corners[0]) @ normal).max() <= near and turns.min() > 0.0:
-        return [base]
-    return [[base[0], *base[k : k + 2]] for k in range(1, len(base) - 1)]
 
 
 def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags, count: int) -> Array | None:

@@ -169,10 +169,8 @@ def _moved(body: Body, points: Array) -> Body:
     if moved == 0.0:
         return body
     if len(body.parts) == 1:
-        place = {tuple(point): k for k, point in enumerate(body.vertices.tolist())}
-        part = body.parts[0]
-        own = points[[place[tuple(point)] for point in part.vertices.tolist()]]
-        made = replace(body, vertices=frozen(points), parts=(part.placed(own, body.seed),))
+        part = body.parts[0].placed(points[body._part_rows[0]], body.seed)
+        made = replace(body, vertices=frozen(points), parts=(part,))
     else:
         triangles = [own for face in body.triangles for own in face]
         drawn = points[: 1 + max(map(max, triangles))]

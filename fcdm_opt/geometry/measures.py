@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from flint import fmpq
 
 FEW_DIGITS = 6  # of a number of a drawing, which single precision moves in the seventh
+FIRMLY = 1e3  # times as much as lengths over the size, sums of shares count
 BLOCK = 1 << 18  # pairs of points and triangles looked at together
 
 
@@ -72,6 +73,20 @@ def nearest_mixture(points: Array) -> Array:
 
     shares = nnls(np.vstack([points.T, np.ones(len(points))]), np.array([0.0, 0.0, 0.0, 1.0]))[0]
     return np.asarray(shares / shares.sum())
+
+
+def nearest_points(X: Array, Y: Array) -> tuple[Array, Array]:
+    """Return points of the hulls of X and Y, the same where they have one in common and else about the nearest."""
+    from scipy.optimize import nnls
+
+    # shares of both, not negative and each with sum 1, which counts more, that give the same point
+    middle = (X.mean(axis=0) + Y.mean(axis=0)) / 2.0
+    scale = max(np.abs(X - middle).max(), np.abs(Y - middle).max(), SMALLEST)
+    ones = np.repeat([[FIRMLY, 0.0], [0.0, FIRMLY]], [len(X), len(Y)], axis=0).T
+    system = np.vstack([np.column_stack([(X - middle).T, (middle - Y).T]) / scale, ones])
+    shares, _ = nnls(system, np.array([0.0, 0.0, 0.0, FIRMLY, FIRMLY]))
+    one, two = shares[: len(X)], shares[len(X) :]
+    return one @ X / one.sum(), two @ Y / two.sum()
 
 
 def largest_ball(normals: Array, levels: Array) -> tuple[Array, float]:

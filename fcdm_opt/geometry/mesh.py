@@ -275,10 +275,7 @@ def _shells(surface: Faces) -> Ints:
     # others, cut open by edges of more faces, go on there with the face across the material: solids may lie face on
     # face
     sides = Sides.of(surface.polygons)
-    order = np.argsort(sides.edge, kind="stable")
-    links = np.column_stack([order[1:], order[:-1]])[np.diff(sides.edge[order]) == 0]
-    plain = sides.counts[sides.edge[links[:, 0]]] == 2
-    links = sides.face[links]
+    plain, links = sides.counts[sides.edge[sides.links[:, 0]]] == 2, sides.face[sides.links]
     group = components(links[plain], len(surface.polygons))
     ways = np.where(sides.origin < sides.end, 1, -1)
     own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]

@@ -23,7 +23,7 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
-from fcdm_opt.geometry.polygons import distances
+from fcdm_opt.geometry.polygons import Sides, distances
 from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, onto_each, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
@@ -115,21 +115,14 @@ class TrueFaces:
 
     def _join(self, normals: Array) -> None:
         """Find the convex edges between patches."""
-        _, same = distinct_rows(self.corners.reshape(-1, 3))
-        triangles = same.reshape(-1, 3)
-        ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        of, places = np.tile(np.arange(len(triangles)), 3), np.repeat([0, 1, 2], len(triangles))
-        order = np.lexsort((ends.max(axis=1), ends.min(axis=1)))
-        low, high = np.sort(ends[order], axis=1).T
-        pair = np.flatnonzero((low[1:] == low[:-1]) & (high[1:] == high[:-1]))
-        one, two = order[pair], order[pair + 1]
-        other = self.owners[of[one]] != self.owners[of[two]]
-        one, two = one[other], two[other]
-        start, end = (self.corners[of[one], (places[one] + step) % 3] for step in (0, 1))
+        links = Sides.around(distinct_rows(self.corners.reshape(-1, 3))[1], 3).links
+        links = np.take_along_axis(links, (links % 3 * len(self.corners) + links // 3).argsort(axis=1), axis=1)
+        one, two = links[np.diff(self.owners[links // 3], axis=1)[:, 0] != 0].T
+        start, end = (self.corners[one // 3, (one + step) % 3] for step in (0, 1))
         self.every_edge = np.stack([start, end], axis=1)
-        self.every_pair_of_patches = np.column_stack([self.owners[of[one]], self.owners[of[two]]])
-        far = self.corners[of[two], (places[two] + 2) % 3]
-        convex = ((far - start) * normals[of[one]]).sum(axis=1) < DEFAULT.nominal * self.body.size
+        self.every_pair_of_patches = np.column_stack([self.owners[one // 3], self.owners[two // 3]])
+        far = self.corners[two // 3, (two + 2) % 3]
+        convex = ((far - start) * normals[one // 3]).sum(axis=1) < DEFAULT.nominal * self.body.size
         sharp = ~self._smooth(start)
         concave, convex = sharp & ~convex, sharp & convex
         both = np.sort(self.every_pair_of_patches, axis=1)

@@ -90,19 +90,25 @@ def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     return (((points[:, None, None] - polygons) * inward).sum(axis=3) >= -slack).all(axis=2)
 
 
-def distances(points: Array, polygons: Array) -> Array:
-    """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
+def ways_from(points: Array, polygons: Array) -> Array:
+    """Return the ways to points, (..., k, 3), from the nearest of triangles or segments, (..., 3 or 2, 3)."""
     corners = polygons[..., None, :, :]
     along = following(corners) - corners
     spokes = points[..., None, :] - corners
     share = dots(spokes, along) / np.maximum(dots(along, along), np.finfo(float).tiny)
-    rim = norms(spokes - np.clip(share, 0, 1)[..., None] * along).min(axis=-1)
+    off = spokes - np.clip(share, 0, 1)[..., None] * along
+    rim = np.take_along_axis(off, dots(off, off).argmin(axis=-1)[..., None, None], axis=-2)[..., 0, :]
     normal = cross(along[..., 0, :], along[..., 1, :])
-    length = norms(normal)
-    broad = length > DEFAULT.nominal * dots(along, along).max(axis=-1)  # of slivers the rim tells as much
-    length = np.where(broad, length, 1.0)
+    square = dots(normal, normal)
+    broad = square > (DEFAULT.nominal * dots(along, along).max(axis=-1)) ** 2  # of slivers the rim tells as much
     above = broad & (dots(cross(normal[..., None, :], along), spokes).min(axis=-1) >= 0)
-    return np.asarray(np.where(above, np.abs(dots(spokes[..., 0, :], normal)) / length, rim))
+    height = dots(spokes[..., 0, :], normal) / np.where(broad, square, 1.0)
+    return np.where(above[..., None], height[..., None] * normal, rim)
+
+
+def distances(points: Array, polygons: Array) -> Array:
+    """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
+    return norms(ways_from(points, polygons))
 
 
 def coplanar(
@@ -279,6 +285,12 @@ class Sides:
         return order[self.counts[self.edge[order]] == 2].reshape(-1, 2)
 
     @property
+    def links(self) -> Ints:
+        """Each two sides of an edge that come one after the other, (m, 2), edge by edge."""
+        order = np.argsort(self.edge, kind="stable")
+        return np.column_stack([order[:-1], order[1:]])[np.diff(self.edge[order]) == 0]
+
+    @property
     def odd(self) -> Ints:
         """Sides of edges that have an odd number of them: the surface ends there."""
         return np.flatnonzero(self.counts[self.edge] % 2)
@@ -322,16 +334,12 @@ class Sides:
 
 def components(links: Ints, count: int) -> Ints:
     """Return the number of each one's connected component, by their first ones, from pairs that are linked, (k, 2)."""
-    first = list(range(count))  # of each one an earlier one of its component, or itself
-    for a, b in np.asarray(links, np.int64).reshape(-1, 2).tolist():
-        while first[a] != a:
-            first[a] = a = first[first[a]]
-        while first[b] != b:
-            first[b] = b = first[first[b]]
-        first[max(a, b)] = min(a, b)
-    for k in range(count):
-        first[k] = first[first[k]]
-    return np.unique(np.array(first, np.int64), return_inverse=True)[1]
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    one, two = np.asarray(links, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(one), np.int8), (one, two)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64) if count else np.empty(0, np.int64)
 
 
 def fans(loops: Sequence[Polygon]) -> Ints:

@@ -37,13 +37,14 @@ class Pyramids(NamedTuple):
     owners: Ints  # the face of the surface that each base is on, (k,)
 
 
-def pyramids(vertices: Array, triangles: Ints, name: str) -> Pyramids:
+def pyramids(vertices: Array, triangles: Ints, name: str, faces: Ints | None = None) -> Pyramids:
     """Return the pyramids under a closed outward surface, (t, 3); `InputError` where it is thinner than rounding."""
+    # `faces` (t,): of each triangle, where they are not those in one plane
     local, sides = _local(vertices, triangles)[0], Sides.around(triangles.ravel(), 3)
     groups, corners, sizes, _ = convex_faces(local, triangles, sides)
     starts = np.concatenate([[0], np.cumsum(sizes)])
     points = np.vstack([vertices, apexes(vertices, triangles, groups, corners, sizes, name)])
-    surface = Surface.of(vertices, triangles, flat_groups(local, triangles, sides))
+    surface = Surface.of(vertices, triangles, flat_groups(local, triangles, sides) if faces is None else faces)
     hulls = [
         Hull(np.append(corners[start:end], len(vertices) + k), *pyramid_shape(end - start))
         for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))

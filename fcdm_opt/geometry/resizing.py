@@ -238,20 +238,25 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
 def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     made = dict(deviations)
     scaled = _scaled(body, made)
-    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    lengths, values, offsets = _lengths(body, made)
     if not lengths:
         return scaled
-    values = np.array(list(lengths.values()))
-    offsets = offsets_of_faces(body, tuple(lengths)) @ values
     found = None
     if body.is_surface:
-        with _at(body, tuple(lengths), values):
+        with _at(body, lengths, values):
             found = _with_faces_moved(scaled, _surface_resized(scaled, offsets), offsets)
     else:
-        found = on_true_faces(scaled, offsets, partial(_with_corners, tuple(lengths)))
+        found = on_true_faces(scaled, offsets, partial(_with_corners, lengths))
     if found is None:
-        found = _with_faces_moved(scaled, _offset(resizing_of(scaled, tuple(lengths), drawn=body), values), offsets)
+        found = _with_faces_moved(scaled, _offset(resizing_of(scaled, lengths, drawn=body), values), offsets)
     return replace(found, drawn=body)
+
+
+def _lengths(body: Body, made: Mapping[Size, float]) -> tuple[tuple[Size, ...], Array, Array]:
+    """Return the sizes that are lengths off what is drawn, by how much, (k,), and how far faces move out, (faces,)."""
+    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    values = np.array([*lengths.values()])
+    return tuple(lengths), values, offsets_of_faces(body, tuple(lengths)) @ values
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:
@@ -367,15 +372,13 @@ def planes_made(body: Body, made: Mapping[Size, float]) -> list[tuple[Array, Arr
         made_body = resized(body.full_body or body, made)
         parts = made_body.subset(body.part_indices).parts if body.full_body is not None else made_body.parts
         return [(part.normals, part.levels - part.normals @ part.seed) for part in parts]
-    scaled = _scaled(body, made)
-    lengths = {size: value for size, value in made.items() if size.is_length and value}
+    scaled, (lengths, values, offsets) = _scaled(body, made), _lengths(body, made)
     planes = [(part.normals.copy(), part.levels - part.normals @ scaled.seed) for part in scaled.parts]
     if not lengths:
         return planes
-    values = np.array(list(lengths.values()))
-    places = corners_on_true_faces(scaled, offsets_of_faces(body, tuple(lengths)) @ values)
+    places = corners_on_true_faces(scaled, offsets)
     if places is None:
-        moved = Resizing.of(scaled, tuple(lengths), drawn=body).parts
+        moved = Resizing.of(scaled, lengths, drawn=body).parts
         return [(normals, levels + own.offsets @ values) for (normals, levels), own in zip(planes, moved, strict=True)]
     far = norms(places - scaled.vertices) > 0.0
     for owners, (normals, levels) in zip(scaled.facet_faces, planes, strict=True):
@@ -398,15 +401,11 @@ def vertex_rates(body: Body, made: Mapping[Size, float], size: Size) -> Array | 
     if body.is_surface:
         return _surface_moves(body, offsets_of_faces(body, (size,))[:, 0])
     scaled = _scaled(body, made)
-    if round_surfaces(scaled):
-        lengths = {own: value for own, value in made.items() if own.is_length and value}
-        rates = rates_on_true_faces(
-            scaled, offsets_of_faces(body, tuple(lengths)) @ np.array([*lengths.values()]), size
-        )
-        if rates is not None:
-            for row in np.flatnonzero(np.isnan(rates).any(axis=1)).tolist():
-                rates[row] = _rate_of_parts(scaled, body, size, scaled.vertices[row])
-            return rates
+    rates = rates_on_true_faces(scaled, _lengths(body, made)[2], size) if round_surfaces(scaled) else None
+    if rates is not None:
+        for row in np.flatnonzero(np.isnan(rates).any(axis=1)).tolist():
+            rates[row] = _rate_of_parts(scaled, body, size, scaled.vertices[row])
+        return rates
     moving = Resizing.of(scaled, (size,), drawn=body)
     kept = _kept_numbers(moving, np.ones(1), {})
     found = _corners_moved(moving, np.ones(1)) if kept is None else (kept[0][: len(moving.body.vertices)], {})
@@ -443,18 +442,16 @@ def true_point_rate(body: Body, drawn: Body, made: Mapping[Size, float], size: S
     # nan where it is of none, where plane ones alone meet, and where the body made has other faces than the one drawn;
     # off round faces a corner of parts goes with the planes of their facets: they may go on beyond the face
     facets = body.of_facets
-    faces, lengths = true_faces(facets), {own: value for own, value in made.items() if own.is_length}
-    offsets = offsets_of_faces(drawn, tuple(lengths)) @ np.array([*lengths.values()])
+    faces = true_faces(facets)
     near = faces.at(point, faces.slack)
     is_round = faces.is_round[near].any()
-    if (
-        not is_round
-        and facets.faces == drawn.faces
-        and np.isfinite(own := _rate_of_parts(body, drawn, size, point)).all()
-    ):
+    own = (
+        _rate_of_parts(body, drawn, size, point) if not is_round and facets.faces == drawn.faces else np.full(3, np.nan)
+    )
+    if np.isfinite(own).all():
         return own
     alike = len(near) == 1 or is_round
-    of_drawn = rows_moved(_scaled(drawn, made), facets, offsets) if alike else None
+    of_drawn = rows_moved(_scaled(drawn, made), facets, _lengths(drawn, made)[2]) if alike else None
     if of_drawn is None:
         return np.full(3, np.nan)
     rows = [int(of_drawn[faces.row_at(k, point)]) for k in near]
@@ -485,10 +482,10 @@ def _scaled(body: Body, made: Mapping[Size, float]) -> Body:
 
 def resized_part_corners(body: Body, made: Mapping[Size, float]) -> list[Array]:
     """Return the corners at given sizes of each part as drawn, however the body made is cut; raises as `resized`."""
-    scaled, lengths = _scaled(body, made), {size: value for size, value in made.items() if size.is_length and value}
+    scaled, (lengths, values, _) = _scaled(body, made), _lengths(body, made)
     if not lengths:
         return [part.vertices for part in scaled.parts]
-    return _moved_corners(resizing_of(scaled, tuple(lengths), drawn=body), np.array([*lengths.values()]))[0]
+    return _moved_corners(resizing_of(scaled, lengths, drawn=body), values)[0]
 
 
 def _moved_corners(moving: Resizing, values: Array) -> tuple[list[Array], dict[int, Array]]:
@@ -652,7 +649,8 @@ def _at(body: Body, sizes: Sequence[Size], values: Array) -> Iterator[None]:
     except InputError as reason:
         names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(sizes, values, strict=True))
         what = f"the body changes its shape at these sizes: {reason.what}"
-        raise InputError(what, key=f"body '{body.name}'", found=names, allowed="smaller deviations") from reason
+        allowed = reason.allowed or "smaller deviations"
+        raise InputError(what, key=f"body '{body.name}'", found=names, allowed=allowed) from reason
 
 
 def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
@@ -673,25 +671,19 @@ def _check_filled(body: Body, parts: list[Array], surface: Surface) -> None:
         raise InputError("the parts that it is cut into no longer fill it")
 
 
-def _vanished(moving: Resizing, own: MovingPart, facet: int, values: Array) -> InputError:
-    names = ", ".join(f"{size.name} = {x:.6g}" for size, x in zip(moving.sizes, values, strict=True))
-    what = f"the body changes its shape at these sizes: what it has beside {moving.named(own, facet)} vanishes"
-    factor, _ = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))
-    allowed = f"deviations of less than {100.0 * factor:.4g} % of these"
-    return InputError(what, key=f"body '{moving.body.name}'", found=names, allowed=allowed)
-
-
 def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -> Array:
     """Return the corners of a part some of whose edges are others than as drawn; refuse it if nothing is left."""
     # of a convex body no face may be gone. A part of a solid may lose some, which `_surface` judges
     part, centre, near = own.part, own.part.vertices.mean(axis=0), DEFAULT.nominal * moving.body.size
     levels = (part.normals * (part.bases - centre)).sum(axis=1) + own.offsets @ values
     corners = corners_within(part.normals, levels, DEFAULT.planarity * moving.body.size)
-    if corners is None:
-        raise _vanished(moving, own, facet, values)
-    on = np.abs(corners @ part.normals.T - levels) <= near
-    if len(moving.parts) == 1 and on.sum(axis=0).min() < 3:
-        raise _vanished(moving, own, int(on.sum(axis=0).argmin()), values)
+    on = np.zeros((0, len(levels)), bool) if corners is None else np.abs(corners @ part.normals.T - levels) <= near
+    if corners is None or (len(moving.parts) == 1 and on.sum(axis=0).min() < 3):
+        gone = facet if corners is None else int(on.sum(axis=0).argmin())
+        share = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))[0]
+        with _at(moving.body, moving.sizes, values):
+            allowed = f"deviations of less than {100.0 * share:.4g} % of these"
+            raise InputError(f"what it has beside {moving.named(own, gone)} vanishes", allowed=allowed)
     return centre + np.array([np.linalg.lstsq(part.normals[row], levels[row])[0] for row in np.unique(on, axis=0)])
 
 

@@ -20,8 +20,8 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, exactly,
 from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
-from fcdm_opt.geometry.measures import cross, dots, following, norms, unit_normals
-from fcdm_opt.geometry.polygons import components, fans
+from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
+from fcdm_opt.geometry.polygons import components, distances, fans, ways_from
 from fcdm_opt.tolerances import DEFAULT
 
 EPSILON = float(np.finfo(float).eps) / 2.0
@@ -179,7 +179,7 @@ def convex_inside(body: Body, point: Array) -> Body:
 
     own = solid_surface(body)
     corners, place = own.points[own.triangles], point - body.seed
-    ways = _nearest(place, corners) - place
+    ways = -ways_from(place[None], corners)[:, 0]
     order, planes = np.argsort(norms(ways), kind="stable"), list[Array]()
     ahead = np.ones(len(order), bool)
     for k in order.tolist():
@@ -367,7 +367,7 @@ class PlacedSolids:
         inner = [min(self._distance(which, point)[0] for which in range(2)) for point in as_deep]
         point = as_deep[int(np.argmax(inner))]
         near = (self._near(which, point, 0.0) for which in range(2))
-        return np.array([_nearest(point, corners[far.argmin()][None])[0] for corners, far in near])
+        return np.array([point - ways_from(point[None], corners[far.argmin()])[0] for corners, far in near])
 
     def _depths(self, points: Array) -> Array:
         """Return the sum of points' depths in both solids, (m,); minus infinity outside of one."""
@@ -383,7 +383,7 @@ class PlacedSolids:
         """Return the triangles of a surface as near to a point as the nearest and a length, and how far they are."""
         (nearest, least), slack = self._distance(which, point), DEFAULT.weld * self.size
         near = self._corners[which][least <= (nearest + more + slack) ** 2]
-        far = norms(point - _nearest(point, near))
+        far = distances(point[None], near)[:, 0]
         kept = far <= nearest + more + slack
         return near[kept], far[kept]
 
@@ -393,7 +393,7 @@ class PlacedSolids:
         away = np.maximum(np.maximum(low - point, point - high), 0.0)
         least, most = dots(away, away), dots(own := corners[:, 0] - point, own).min()
         near = corners[least <= (np.sqrt(most) + DEFAULT.weld * self.size) ** 2]
-        return float(norms(point - _nearest(point, near)).min()), least
+        return float(distances(point[None], near).min()), least
 
     def _deepest(self, point: Array, value: float) -> float:
         """Return the largest sum of depths that steps from a point lead to."""
@@ -447,22 +447,8 @@ def _thickness(piece: tuple[Array, Ints]) -> float:
 
 def _slopes(point: Array, corners: Array, far: Array) -> Array:
     """Return how the distances of triangles change with a point, (k, 3): of those it is on, from the inside."""
-    away = point - _nearest(point, corners)
+    away = ways_from(point[None], corners)[:, 0]
     slopes = away / np.maximum(norms(away), np.finfo(float).tiny)[:, None]
     on = far <= DEFAULT.weld * np.abs(corners - point).max(axis=(1, 2))
     slopes[on] = -unit_normals(corners[on])
     return slopes
-
-
-def _nearest(point: Array, corners: Array) -> Array:
-    """Return the nearest point of each triangle, (k, 3)."""
-    along, spokes = following(corners) - corners, point - corners
-    share = dots(spokes, along) / np.maximum(dots(along, along), np.finfo(float).tiny)
-    rim = corners + np.clip(share, 0.0, 1.0)[:, :, None] * along
-    off = rim - point
-    best = rim[np.arange(len(rim)), dots(off, off).argmin(axis=1)]
-    normal = cross(along[:, 0], along[:, 1])
-    square = dots(normal, normal)
-    above = (square > 0) & (dots(cross(normal[:, None], along), spokes).min(axis=1) >= 0)
-    height = dots(spokes[:, 0], normal) / np.where(above, square, 1.0)
-    return np.where(above[:, None], point - height[:, None] * normal, best)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units, volume_and_centroid
-from fcdm_opt.geometry.polygons import components
+from fcdm_opt.geometry.polygons import components, ways_from
 from fcdm_opt.tolerances import DEFAULT
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
@@ -156,10 +156,7 @@ class Swept(NamedTuple):
             share = np.clip(nearest + slope * aside / steep, 0.0, 1.0).reshape(-1, 3, 1)
             points = np.concatenate([corners, corners + share * steps], axis=1)
         elif not self.ring:
-            from trimesh.triangles import closest_point
-
-            nearest = closest_point(corners, np.broadcast_to(self.origin, one.shape))
-            points = np.concatenate([corners, nearest[:, None]], axis=1)
+            points = np.concatenate([corners, self.origin - ways_from(self.origin[None], corners)], axis=1)
         else:
             shares = np.array([(i, j, CUTS - i - j) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]) / CUTS
             points, hidden = shares @ corners, 4.0 / (3.0 * CUTS**2)
@@ -436,7 +433,8 @@ def onto_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> Array:
 
 def misses_of_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> tuple[Array, Array]:
     """Return how far points (n, 3) are off some surfaces each, by their numbers (n, m), and the normals, (n, m, 3)."""
-    gaps, normals, circle = np.empty(which.shape), np.empty((*which.shape, 3)), [own.line is None for own in surfaces]
+    # zeros where the number is -1
+    gaps, normals, circle = np.zeros(which.shape), np.zeros((*which.shape, 3)), [own.line is None for own in surfaces]
     for kind in {*circle}:
         own = np.flatnonzero(np.array(circle) == kind)
         asked = np.isin(which, own)
@@ -447,34 +445,43 @@ def misses_of_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> tup
 
 
 def onto_crossings(
-    points: Array, surfaces: Sequence[Swept], which: Ints, kept: Array, middles: Sequence[Array], near: float
-) -> Array:
-    """Return points (n, 3) where surfaces cross that met there before they moved, by Newton's method.
+    drawn: Array,
+    places: Array,
+    meeting: Sequence[Sequence[int]],
+    sides: tuple[Sequence[Swept], Sequence[Swept]],
+    middles: Sequence[Array],
+    near: float,
+) -> tuple[Array, Array]:
+    """Return points (n, 3) where surfaces cross that met there before they moved, and how far off that they are, (n,).
 
-    Those that were tangent cross aside of that: there the curved one ends, and the straighter one goes on.
+    By Newton's method; as far off the surfaces as before, by the digits of a file. Those that were tangent cross aside
+    of that: there the curved one ends, and the straighter one goes on.
 
-    - `which` (n, m): the surfaces of each, by number. `kept` (n, m): how far it is to stay off these.
+    - `drawn` (n, 3): the points before; `places` (n, 3): about where they are now.
+    - `meeting`: the surfaces of each, by number in both `sides`: before they moved, and now.
     - `middles`: a point of the face of each surface, (3,). `near`: length by which surfaces count as one.
     """
-    found = points.copy()
-    gaps, normals = misses_of_each(points, surfaces, which)
+    most, (before, surfaces), found = max(map(len, meeting), default=0), sides, places.copy()
+    which = np.array([[*own, *[-1] * (most - len(own))] for own in meeting], np.int64).reshape(len(places), most)
+    kept = misses_of_each(drawn, before, which)[0]
+    gaps, normals = misses_of_each(places, surfaces, which)
     cosines = normals @ normals.transpose(0, 2, 1)
     signs = np.sign(cosines)
     apart = (gaps - kept)[:, :, None] - signs * (gaps - kept)[:, None]
-    smooth = norms(cross(normals[:, :, None], normals[:, None])) < DEFAULT.sharp
+    smooth = (norms(cross(normals[:, :, None], normals[:, None])) < DEFAULT.sharp) & (signs != 0.0)
     parted = np.argwhere(smooth & (np.abs(apart) > near) & np.tri(which.shape[1], k=-1, dtype=bool))
     for row, i, j in parted[np.unique(parted[:, 0], return_index=True)[1]].tolist():
-        one, two = (surfaces[which[row, k]].bends(points[None, row])[0] for k in (i, j))
+        one, two = (surfaces[which[row, k]].bends(places[None, row])[0] for k in (i, j))
         rates, axes = np.linalg.eigh(one - signs[row, i, j] * two)
         rate, along = max(zip(rates.tolist(), axes.T, strict=True), key=lambda own: abs(own[0]))
         if rate * apart[row, i, j] < 0.0:
             curved = i if abs(along @ one @ along) > abs(along @ two @ along) else j
-            side = math.copysign(1.0, (middles[which[row, curved]] - points[row]) @ along)
+            side = math.copysign(1.0, (middles[which[row, curved]] - places[row]) @ along)
             found[row] += side * math.sqrt(-2.0 * apart[row, i, j] / rate) * along
     for _ in range(NEWTON_STEPS):
         gaps, normals = misses_of_each(found, surfaces, which)
         found -= (np.linalg.pinv(normals, rcond=SMOOTH) @ (gaps - kept)[..., None])[..., 0]
-    return found
+    return found, np.abs(misses_of_each(found, surfaces, which)[0] - kept).max(axis=1, initial=0.0)
 
 
 def inverse_of(products: Array) -> Array:

@@ -18,6 +18,7 @@ from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
 from fcdm_opt.geometry.patches import Patch, TrueFaces
+from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.tessellation import Swept, misses_of_each, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
@@ -535,12 +536,10 @@ def _near(one: Array, two: Array, errors: Sequence[Array], most: float) -> Ints:
 
 def _no_more(one: Array, two: Array, errors: Sequence[Array], pairs: Ints) -> float:
     """Return what the distance is at most, by some pairs: of corners, which are on their face, from the other piece."""
-    from trimesh.triangles import closest_point
-
     found = np.inf
     for points, triangles, errors_there, k in ((one, two, errors[1], 0), (two, one, errors[0], 1)):
-        flat, there = points[pairs[:, k]].reshape(-1, 3), pairs[:, 1 - k]
-        off = norms(flat - closest_point(np.repeat(triangles[there], 3, axis=0), flat)).reshape(-1, 3).min(axis=1)
+        there = pairs[:, 1 - k]
+        off = distances(points[pairs[:, k]], triangles[there]).min(axis=1)
         found = min(found, float((off + errors_there[there]).min()))
     return found
 

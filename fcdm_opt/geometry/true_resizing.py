@@ -22,7 +22,7 @@ from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
 from fcdm_opt.geometry.naming import numbered_face
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface, rims
-from fcdm_opt.geometry.tessellation import RoundFaces, Swept, misses_of_each, onto_crossings
+from fcdm_opt.geometry.tessellation import RoundFaces, Swept, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
 Cut = Callable[[Body, Array], Body | None]
@@ -33,13 +33,10 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
     """Return a body with round faces whose faces moved outward, (faces,), with its corners on its true faces."""
     # it has the parts of the one drawn, where these still fill it, else it is cut into parts again. None where nothing
     # is round, what its faces are is not known, or it would change its shape
-    moved = _moved_faces(body, offsets)
+    moved = _moved(body, offsets)
     if moved is None or not (body.triangles or len(body.parts) == 1):
         return None
-    rounds, true = moved
-    places = _corners_on(true, body, offsets)
-    if places is None:
-        return None
+    rounds, true, places = moved
     try:
         made = None
         with suppress(InputError):  # of cuts that would part, or a point inside now
@@ -54,24 +51,24 @@ def on_true_faces(body: Body, offsets: Array, cut_alike: Cut) -> Body | None:
 
 def corners_on_true_faces(body: Body, offsets: Array) -> Array | None:
     """Return where the corners are of a body whose faces moved outward, (faces,), as of `on_true_faces`; (n, 3)."""
-    moved = _moved_faces(body, offsets)
-    return None if moved is None else _corners_on(moved[1], body, offsets)
+    moved = _moved(body, offsets)
+    return None if moved is None else moved[2]
 
 
 def rates_on_true_faces(body: Body, offsets: Array, size: Size) -> Array | None:
     """Return how the corners of faces moved outward, (faces,), go on with a size, (n, 3); None where none is round."""
     # nan of points of cuts
-    moved = _moved_faces(body, offsets)
-    places = None if moved is None else _corners_on(moved[1], body, offsets)
-    if moved is None or places is None:
+    moved = _moved(body, offsets)
+    if moved is None:
         return None
+    _, true, places = moved
     moves, rates = MovesOfFaces.of(body, (size,)), np.zeros_like(places)
     for row, around in enumerate(faces_around(body)):
         faces = sorted(around)
         if not faces:
             rates[row] = np.nan
         elif moves.turns.any() or any(own[faces].any() for own in (moves.lengths, moves.shifts, moves.rings)):
-            looks = [moved[1][face].misses(places[None, row])[1][0] for face in faces]
+            looks = [true[face].misses(places[None, row])[1][0] for face in faces]
             out = np.sign([look @ body.face_planes[0][face] for look, face in zip(looks, faces, strict=True)])
             rates[row] = moves.at(places[row], faces, out[:, None] * np.array(looks))[:, 0]
     return rates
@@ -111,14 +108,18 @@ def surface_with_corners(
     return Surface.of(rows, found, owners)
 
 
-def _moved_faces(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept]] | None:
-    """Return the round surfaces of a body whose faces moved outward, and the surface of each face; None of no round."""
+def _moved(body: Body, offsets: Array) -> tuple[RoundFaces, list[Swept], Array] | None:
+    """Return the round surfaces of a body whose faces moved outward, the surface of each face, and its corners on them.
+
+    None where none is round, or what its faces are is not known, and where faces that meet as drawn no longer do.
+    """
     rounds, errors = moved_surfaces(body, offsets), facet_errors(body)
     if not rounds or errors is None:
         return None
     true = _each_surface(body, rounds, offsets)
-    known = [error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True)]
-    return (rounds, true) if all(known) else None
+    known = all(error == 0.0 or not own.flat for own, error in zip(true, errors.max(axis=1), strict=True))
+    places = _corners_on(true, body, offsets) if known else None
+    return None if places is None else (rounds, true, places)
 
 
 def _each_surface(body: Body, rounds: RoundFaces, offsets: Array) -> list[Swept]:
@@ -139,18 +140,13 @@ def _corners_on(true: Sequence[Swept], body: Body, offsets: Array) -> Array | No
     places, around = body.vertices.copy(), faces_around(body)
     middles = [body.vertices[np.array(own) - 1].mean(axis=0) for own in body.faces]
     shifted = {row: (own, true[row]) for own, rows in round_surfaces(body) for row in rows if own is not true[row]}
-    moved = dict[int, list[int]]()  # by how many faces meet there
-    for row, faces in enumerate(around):
-        if offsets[list(faces)].any() or not faces.isdisjoint(shifted):
-            moved.setdefault(len(faces), []).append(row)
-            places[row] = _carried(places[row], *[shifted[face] for face in sorted(faces) if face in shifted][:1])
-    for rows in moved.values():
-        which = np.array([sorted(around[row]) for row in rows])
-        kept = misses_of_each(body.vertices[rows], drawn, which)[0]
-        places[rows] = onto_crossings(places[rows], true, which, kept, middles, DEFAULT.tie * body.size)
-        if np.abs(misses_of_each(places[rows], true, which)[0] - kept).max() > DEFAULT.snap * body.size:
-            return None
-    return places
+    rows = [row for row, own in enumerate(around) if offsets[list(own)].any() or not own.isdisjoint(shifted)]
+    for row in rows:
+        places[row] = _carried(places[row], *[shifted[face] for face in sorted(around[row]) if face in shifted][:1])
+    meeting = [sorted(around[row]) for row in rows]
+    near, both = DEFAULT.tie * body.size, (drawn, true)
+    places[rows], off = onto_crossings(body.vertices[rows], places[rows], meeting, both, middles, near)
+    return None if off.max(initial=0.0) > DEFAULT.snap * body.size else places
 
 
 @cached_per_body
@@ -179,12 +175,10 @@ def _of_same_part(body: Body, places: Array) -> Body | None:
     """Return a convex body with its corners elsewhere; None where it has other faces then, or cut into parts."""
     if len(body.parts) > 1:
         return None
-    row_of = {point: row for row, point in enumerate(map(tuple, body.vertices.tolist()))}
-    part = np.array([row_of[point] for point in map(tuple, body.parts[0].vertices.tolist())])
-    made = Body._made(places, [part], None, body.seed, body.name)
+    made = Body._made(places, body._part_rows, None, body.seed, body.name)
     if {*map(frozenset, made.faces)} != {*map(frozenset, body.faces)}:
         return None
-    return replace(body, vertices=frozen(places), parts=(body.parts[0].placed(places[part], body.seed),))
+    return replace(body, vertices=frozen(places), parts=(body.parts[0].placed(places[body._part_rows[0]], body.seed),))
 
 
 def _cut_again(body: Body, places: Array, rounds: RoundFaces, true: Sequence[Swept]) -> tuple[Body, RoundFaces]:

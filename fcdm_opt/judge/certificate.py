@@ -20,7 +20,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, Flags
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, skewness
 from fcdm_opt.geometry.collision import ScaledPair, scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of, facet_errors, round_surfaces
 from fcdm_opt.geometry.naming import rows_at
@@ -377,17 +377,6 @@ def _at_least(name: str, value: float, limit: float, note: str = "") -> Check:
     return Check(name, bool(value >= limit), float(value), float(limit), note)
 
 
-def _skewness(T: Array) -> float:
-    """Return how far a transform is from a rigid motion: plain floats, as numpy takes longer for sixteen numbers."""
-    (a, b, c, _), (d, e, f, _), (g, h, i, _), last = T.tolist()
-    return max(
-        *(abs(x * x + y * y + z * z - 1.0) for x, y, z in ((a, b, c), (d, e, f), (g, h, i))),
-        *(abs(a * d + b * e + c * f), abs(a * g + b * h + c * i), abs(d * g + e * h + f * i)),
-        *(abs(x - y) for x, y in zip(last, (0.0, 0.0, 0.0, 1.0), strict=True)),
-        1.0 - (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)),
-    )
-
-
 def _named(feature: Feature | None) -> Any:
     """Return a name of the feature that does not depend on the order in which its vertices are listed."""
     return feature and tuple((element.kind, frozenset(element.vertices)) for element in (feature.one, feature.two))
@@ -536,12 +525,12 @@ class _Judge:
             between = np.full((4, 4), np.nan)
         apart = problem.movable.vertices @ between[:3, :3].T + between[:3, 3]
         off = np.sqrt((apart * apart).sum(axis=1).max())
-        amount = self._amount()
+        amount, (skew, determinant) = self._amount(), skewness(T)
         slack = self.tolerances.requirement * amount + self.tolerances.line * problem.length
         ranges = zip(problem.weights.tolist(), self.q.tolist(), problem.limits.tolist(), strict=True)
         excess = max(weight * max(low - x, x - high) for weight, x, (low, high) in ranges)
         return [
-            _at_most("rigid transform", _skewness(T), self.tolerances.rigid),
+            _at_most("rigid transform", max(skew, 1.0 - determinant), self.tolerances.rigid),
             _at_most("transform of parameters", off, self.limit, "largest displacement of a vertex between the two"),
             _at_most("amount", abs(amount - solution.amount), slack),
             _at_most("lower bound", solution.lower_bound - amount, slack, "the bound must not exceed the amount"),

@@ -25,6 +25,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body, ConvexPart
+from fcdm_opt.geometry.measures import nearest_points
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.proof.checker import Examiner, distances_from, face_planes
 from fcdm_opt.proof.intervals import Interval, IntervalFunction
@@ -228,7 +229,7 @@ class OneContact:
         options = [(int(kinds[k]), u[k], w[k], normals[k]) for k in best]
         limits = self.problem.limits.T * self.problem.weights
         free = (limits[0] < limits[1]) & (y > limits[0]) & (y < limits[1])
-        slopes = self._slopes(pose, _nearest(X, Y), np.eye(3))[:, free]
+        slopes = self._slopes(pose, nearest_points(X, Y)[0], np.eye(3))[:, free]
         along = sign * np.linalg.lstsq(slopes.T, y[free], rcond=DEFAULT.nominal)[0]  # two corners, or a clearance
         if (length := np.linalg.norm(along)) > 0.0:
             options.append((-1, along / length, np.zeros(3), along / length))
@@ -305,16 +306,6 @@ class OneContact:
         ends = float(np.abs(slopes) @ far) / ROUNDED * along
         off = float(distances_from(np.array([x - ends, x + ends]), corners[0]).max())
         return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding, along, slopes, y)
-
-
-def _nearest(X: Array, Y: Array) -> Array:
-    """Return a point of the hull of X that is nearest to that of Y."""
-    from scipy.optimize import nnls
-
-    far = 1e3 * float(np.abs(np.vstack([X, Y])).max())
-    ones = np.array([np.append(np.ones(len(X)), np.zeros(len(Y))), np.append(np.zeros(len(X)), np.ones(len(Y)))])
-    shares, _ = nnls(np.vstack([np.hstack([X.T, -Y.T]), far * ones]), np.append(np.zeros(3), far * np.ones(2)))
-    return np.asarray(shares[: len(X)] @ X / shares[: len(X)].sum())
 
 
 def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:

@@ -16,12 +16,11 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.crossings import overlapping
+from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.solids import kept_as_surface
 from fcdm_opt.tolerances import DEFAULT
 
 MOST_LINES = 2048  # that are looked at: where facets seen along the way have most in common, and a choice of others
-BATCH_SIZE = 1 << 16  # pairs of boxes up to which all are compared
 AROUND = np.array([(np.cos(turn), np.sin(turn)) for turn in 0.1 + np.arange(6) * np.pi / 3.0])
 """Lines about one, at a distance of 1."""
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # the corners of a triangle after each, and before it
@@ -102,7 +101,7 @@ class _Seen(NamedTuple):
         """Return where lines along the way are inside: of which line, (k,), in order, and the middles, (k, 2)."""
         # before and after. Convex parts side by side are one. None of a line through an edge that facets do not tell
         # apart
-        line, row = _meeting([lines, self.flat.min(axis=1)], [lines, self.flat.max(axis=1)])
+        line, row = overlapping_between(lines, lines, self.flat.min(axis=1), self.flat.max(axis=1)).T
         row, line = (own[np.abs(self.areas[row]) > slack * slack] for own in (row, line))
         shares = self.shares(row, lines[line][:, None])
         inside = shares.min(axis=(1, 2)) >= 0.0
@@ -120,34 +119,21 @@ class _Seen(NamedTuple):
 def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
     """Return which facets that look ahead may cross ones of the second that look back, (k, 2), widest first."""
     # those that cross are ahead before, or behind by no more than the length of the way, and behind after it
-    rows, low, high = list[Ints](), list[Array](), list[Array]()
+    rows, boxes = list[Ints](), list[Array]()
     for own, sign, spare in ((one, 1.0, length), (two, -1.0, 0.0)):
         facing = np.flatnonzero(sign * own.areas > slack * slack)
         heights, flat = own.corners[facing, ..., 2].reshape(-1, 6), own.flat[facing]
-        low.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - spare]))
-        high.append(np.column_stack([flat.max(axis=1), heights.max(axis=1) - slack]))
+        boxes.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - spare]))
+        boxes.append(np.column_stack([flat.max(axis=1), heights.max(axis=1) - slack]))
         rows.append(facing)
-    i, j = _meeting(low, high)
-    wide = (np.minimum(high[0][i], high[1][j]) - np.maximum(low[0][i], low[1][j]))[:, :2].min(axis=1)
+    low, high, under, over = boxes
+    i, j = overlapping_between(low, high, under, over).T
+    wide = (np.minimum(high[i], over[j]) - np.maximum(low[i], under[j]))[:, :2].min(axis=1)
     order = np.argsort(-wide, kind="stable")[: int((wide > slack).sum())]
     if len(order) > MOST_LINES:
         half = MOST_LINES // 2
         order = order[np.append(np.arange(half), np.linspace(half, len(order) - 1, half).astype(np.int64))]
     return np.column_stack([rows[0][i[order]], rows[1][j[order]]])
-
-
-def _meeting(low: list[Array], high: list[Array]) -> tuple[Ints, Ints]:
-    """Return which boxes of a first list meet which of a second: rows of both."""
-    if len(low[0]) * len(low[1]) <= BATCH_SIZE:
-        meet = np.ones((len(low[0]), len(low[1])), np.bool_)
-        for a, b, c, d in zip(low[0].T, high[0].T, low[1].T, high[1].T, strict=True):
-            meet &= (a[:, None] <= d) & (b[:, None] >= c)
-        i, j = np.nonzero(meet)
-        return i, j
-    kinds, found = np.repeat([0, 1], [*map(len, low)]), [np.empty((0, 2), np.int64)]
-    found += [np.column_stack(own) for own in overlapping(np.concatenate(low), np.concatenate(high), kinds)]
-    both = np.sort(np.concatenate(found), axis=1)
-    return both[:, 0], both[:, 1] - len(low[0])
 
 
 def _lines(one: _Seen, two: _Seen, pairs: Ints, length: float) -> tuple[Array, Array]:

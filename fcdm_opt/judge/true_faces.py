@@ -17,6 +17,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.facet_errors import deviation_of
 from fcdm_opt.geometry.patches import TrueFaces
+from fcdm_opt.geometry.polygons import Sides
 from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.judge.face_kernels import heights, on_face, points_of_edges, to_segments
 from fcdm_opt.tolerances import DEFAULT
@@ -239,14 +240,9 @@ class _There:
 
 def _neighbours(corners: Array, owners: Ints) -> Ints:
     """Return the surface on the other side of each side of triangles, from a corner to the next, (t, 3)."""
-    _, same = distinct_rows(corners.reshape(-1, 3))
-    ends = np.sort(np.stack([same, np.roll(same.reshape(-1, 3), -1, axis=1).reshape(-1)], axis=1), axis=1)
+    one, two = Sides.around(distinct_rows(corners.reshape(-1, 3))[1], 3).links.T
     found = np.repeat(owners, 3)
-    of = found.copy()
-    order = np.lexsort(ends.T)
-    pair = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
-    one, two = order[pair], order[pair + 1]
-    found[one], found[two] = of[two], of[one]
+    found[one], found[two] = owners[two // 3], owners[one // 3]
     return found.reshape(-1, 3)
 
 

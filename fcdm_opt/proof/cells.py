@@ -417,13 +417,10 @@ def _reach(T, site, n, body, points, room, height):
 @kernel
 def apart(T, site, one, two, margin, n, height):
     """Tell whether a site's direction keeps two polyhedra apart over a whole cell."""
-    gap = np.zeros(T.shape[1])
-    _normal(T, site, n)
-    _product(n, T[9:12], gap)
-    _height_1(T, site, site[ONE:TWO], height)
+    back, gap = np.zeros(T.shape[1]), np.zeros(T.shape[1])
+    _line(T, site, n, height, back, gap)
     _add(gap, -1.0, height)
-    _along(n, site[TWO:PARTS], height)
-    _add(gap, 1.0, height)
+    _add(gap, -1.0, back)
     room = _low(gap) - margin
     for body in range(2):
         room -= _reach(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0

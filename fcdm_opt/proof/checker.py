@@ -20,6 +20,7 @@ import numpy as np
 from fcdm_opt.curve.kernels import E1E2, F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.measures import nearest_mixture
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import held, seat_of, untracked
 from fcdm_opt.problem.amounts import OwnAmount
@@ -676,14 +677,12 @@ def face_planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Inter
 
 def distances_from(points: Array, vertices: Interval) -> Array:
     """Return upper bounds of the distances of points from the hull of vertices, (n,): from mixtures of these."""
-    from scipy.optimize import nnls
-
     corners = vertices.middle
     scale = np.abs(corners).max()
     rounding = len(corners) * (scale * FLOATS + vertices.radius.max())
     rows, places = np.unique(points, axis=0, return_inverse=True)
     found = np.empty(len(rows))
     for k, point in enumerate(rows):
-        shares, _ = nnls(np.vstack([corners.T, np.full(len(corners), scale)]), np.append(point, scale))
-        found[k] = np.linalg.norm(point - shares @ corners / shares.sum()) * (1.0 + FLOATS) + rounding
+        shares = nearest_mixture((corners - point) / scale)
+        found[k] = np.linalg.norm(point - shares @ corners) * (1.0 + FLOATS) + rounding
     return found[places.ravel()]

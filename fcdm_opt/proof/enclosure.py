@@ -22,7 +22,6 @@ from fcdm_opt.motion.motions import Motion
 
 TERMS = 10  # of the series of sin(r)/r and (1 - cos r)/(r r) in r r, for r <= 1
 _SINC, _VERSINE = (Polynomial([(-1) ** n / math.factorial(2 * n + more) for n in range(TERMS)]) for more in (1, 2))
-_SINC_SLOPE, _VERSINE_SLOPE = _SINC.deriv(), _VERSINE.deriv()
 PAD = 2.0**-49  # rounding of one operation: no more than sixteen units in the last place of what enters
 
 
@@ -161,19 +160,23 @@ class Enclosure:
     def sinc(self) -> Enclosure:
         """Return sin(r) / r of f = r r: cos(s r) averaged over 0 <= s <= 1, so |2nd derivative| <= 1/60 for f >= 0."""
         # its series 1 - f/6 + f f/120 - ... has a second derivative below 1/50 down to f = -1
-        return self._series(_sinc, 1.0 / 50.0)
+        return self._series(_SINC, _sinc, 1.0 / 50.0)
 
     def versine(self) -> Enclosure:
         """Return (1 - cos(r)) / (r r) of f = r r; |second derivative| <= 1/360 for f >= 0, below 1/300 from f = -1."""
-        return self._series(_versine, 1.0 / 300.0)
+        return self._series(_VERSINE, _versine, 1.0 / 300.0)
 
-    def _series(self, function: Callable[[Array], tuple[Array, Array]], bend: float) -> Enclosure:
-        """Return a function of a square, which gives value and slope, at max(centre, 0)."""
+    def _series(self, series: Polynomial, far: Callable[[Array, Array], tuple[Array, Array]], bend: float) -> Enclosure:
+        """Return a function of a square x at max(centre, 0): by its series below 1, else `far` of its root and x."""
         centre = np.maximum(self.data[:, 0], 0.0)
         moved = self + 0.0 if (centre == self.data[:, 0]).all() else Enclosure(self.data.copy())
         moved.data[:, -1] += centre - moved.data[:, 0]  # a square is not negative: its rounding may be
         moved.data[:, 0] = centre
-        return moved._function(*function(centre), np.where(moved.low >= -1.0, bend, np.inf))
+        small = centre < 1.0
+        safe, near = np.where(small, 1.0, centre), np.minimum(centre, 1.0)
+        value, slope = far(np.sqrt(safe), safe)
+        value, slope = np.where(small, series(near), value), np.where(small, series.deriv()(near), slope)
+        return moved._function(value, slope, np.where(moved.low >= -1.0, bend, np.inf))
 
 
 def enclosed_pose(motion: Motion, q: list[Any], offset: Array) -> Array:
@@ -194,19 +197,13 @@ def enclosed_pose(motion: Motion, q: list[Any], offset: Array) -> Array:
     return T
 
 
-def _sinc(x: Array) -> tuple[Array, Array]:
+def _sinc(r: Array, x: Array) -> tuple[Array, Array]:
     """Return sin(r)/r and its derivative in x = r r."""
-    r, small = np.sqrt(x), x < 1.0
-    safe = np.where(small, 1.0, x)
-    near, value = np.minimum(x, 1.0), np.sin(r) / np.sqrt(safe)
-    slope = (np.cos(r) - value) / (2.0 * safe)
-    return np.where(small, _SINC(near), value), np.where(small, _SINC_SLOPE(near), slope)
+    value = np.sin(r) / r
+    return value, (np.cos(r) - value) / (2.0 * x)
 
 
-def _versine(x: Array) -> tuple[Array, Array]:
+def _versine(r: Array, x: Array) -> tuple[Array, Array]:
     """Return (1 - cos r)/(r r) and its derivative in x = r r."""
-    r, small = np.sqrt(x), x < 1.0
-    safe = np.where(small, 1.0, x)
-    near, value = np.minimum(x, 1.0), 2.0 * np.sin(r / 2) ** 2 / safe
-    slope = (np.sin(r) / np.sqrt(safe) - 2.0 * value) / (2.0 * safe)
-    return np.where(small, _VERSINE(near), value), np.where(small, _VERSINE_SLOPE(near), slope)
+    value = 2.0 * np.sin(r / 2) ** 2 / x
+    return value, (np.sin(r) / r - 2.0 * value) / (2.0 * x)

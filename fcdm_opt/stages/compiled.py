@@ -39,11 +39,12 @@ from fcdm_opt.curve.kernels import (
     _times,
     _turned,
     _turned_back,
+    _widest,
     facet_rows,
     pair_bounds,
 )
 from fcdm_opt.motion import instructions as codes
-from fcdm_opt.proof.least_distance import add, inner, nearest, norm
+from fcdm_opt.proof.least_distance import _lowest, add, inner, nearest, norm
 
 ROW_TARGET, ROW_LINE, ROW_SEPARATION, ROW_DEPTH, ROW_GAP, ROW_BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
@@ -725,13 +726,8 @@ def path_faults(scene, z, first, faults):
 @kernel
 def _highest(part, n):
     """Return the vertex of a part that reaches furthest along n, and its height."""
-    reals, ints = part
-    high, vertex = -np.inf, 0
-    for v in range(ints[0]):
-        height = _dot(n, _at(reals, v))
-        if height > high:
-            high, vertex = height, v
-    return vertex, high
+    vertex, least = _lowest(part[0][: part[1][0]], _times(-1.0, n))
+    return vertex, -least
 
 
 @kernel
@@ -910,17 +906,6 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                 count = _gap_row(rows, count, -1.0, facets[r], sign, p1, p2, v, w)
         changed = changed or widest > slack
     return (GOES_ON if changed else NOWHERE if faulty else FOUND), count, made
-
-
-@kernel
-def _widest(rows, x, y):
-    """Return the row with the largest separation, and that."""
-    best, widest = 0, -np.inf
-    for r in range(len(rows)):
-        wide = rows[r, 5] - rows[r, 3] * x - rows[r, 4] * y
-        if wide > widest:
-            best, widest = r, wide
-    return best, widest
 
 
 # ------------------------------------------------------------------------------------------------- direction search
