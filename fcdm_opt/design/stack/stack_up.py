@@ -430,10 +430,13 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn, every = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit), self.every or self
+        drawn = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit)
         if correlation is not None:
             return drawn
-        return replace(drawn, claimed=every._claims([pair.values for pair in every._drawn_from.pairs]))
+        own, every = (
+            stack._claims([pair.values for pair in stack._drawn_from.pairs]) for stack in (self, self.every or self)
+        )
+        return replace(drawn, claimed=every, counted=own.told)
 
     def allocate(
         self,
