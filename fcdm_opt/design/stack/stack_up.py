@@ -230,6 +230,11 @@ class StackUp:
         return self.touching.permanent_in_words
 
     @property
+    def is_outside_limits_when_closed(self) -> bool:
+        """Whether the limits allow no gap of 0 as contacts have that are closed at all sizes."""
+        return bool(self.standing) and not self.limits[0] <= 0.0 <= self.limits[1]
+
+    @property
     def weighted(self) -> tuple[str, ...]:
         """Motions that closed contacts leave free and that the gap depends on: it is that of the least, by weights."""
         return () if self.loop is None else self.loop.weighted
