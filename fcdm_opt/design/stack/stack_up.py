@@ -438,10 +438,8 @@ class StackUp:
         drawn = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit)
         if correlation is not None:
             return drawn
-        own, every = (
-            stack._claims([pair.values for pair in stack._drawn_from.pairs]) for stack in (self, self.every or self)
-        )
-        return replace(drawn, claimed=every, counted=own.told)
+        claims = [own._claims([pair.values for pair in own._drawn_from.pairs]) for own in (self, self.every or self)]
+        return replace(drawn, claimed=claims[1], counted=claims[0].told)
 
     def allocate(
         self,
