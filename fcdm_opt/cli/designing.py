@@ -326,7 +326,7 @@ def pose_command(
     from fcdm_opt.design.distributions import Measured
     from fcdm_opt.design.fixed_pose.best_pose import ONLY_CLEAR, best_pose
     from fcdm_opt.design.fixed_pose.clearances import clearances
-    from fcdm_opt.design.sizes import by_name
+    from fcdm_opt.design.sizes import by_name, not_counted
     from fcdm_opt.show import tables
 
     def asked(file: OpenedFile, problem: Any) -> Iterator[tuple[str, Any, Callable[[Any], None]]]:
@@ -342,7 +342,10 @@ def pose_command(
             best = best_pose(problem, sizes=pairs, box=box, clearance=window)  # what it refuses is said first
         drawn = clearances(problem, sizes=pairs, box=box)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
-        yield "best pose", best, lambda own: tables.print_said(str(own).replace(ONLY_CLEAR, "--clearance 0,inf"))
+        opened = [] if best.standing or best.permanent_faces else drawn.standing
+        counted = not_counted(opened, "but counted in the pose, whose motion opens them")
+        text = "; ".join([str(best).replace(ONLY_CLEAR, "--clearance 0,inf"), *counted])
+        yield "best pose", best, lambda _: tables.print_said(text)
         pose = best.parameters if best.transform is None else best.transform
         made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")

@@ -82,7 +82,7 @@ class MovesOfFaces(NamedTuple):
         across = np.array([_across(self.axes[row], point) for row in own]).reshape(-1, 3)
         moved = self.shifts[own] + across[:, :, None] * self.rings[own][:, None]
         off = self.lengths[own] + np.einsum("fx,fxk->fk", normals, moved)
-        along = moved[0] if len(own) == 1 else 0.0 * moved[0]
+        along = moved[int(self.axes[own].any(axis=(1, 2)).argmax())]  # where normals leave it free, with a round face
         move = along + np.linalg.lstsq(normals, off - normals @ along, rcond=DEFAULT.sharp)[0]  # tangent: the mean
         return np.asarray(move + np.einsum("kyx,x->yk", self.turns, point - self.seed), float)
 

@@ -253,7 +253,8 @@ def stack_notes(stack: StackUp) -> list[str]:
     closed = f"motions close this contact, as the others: gaps of {' and '.join(stack.parts)} are what they make up for"
     restored = stack.loop is not None and stack.loop.is_restored
     notes = {closed: restored, free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
-    return [*not_counted(stack.standing), *(note for note, holds in notes.items() if holds)]
+    but = "and not counted" + ", though with them no pair is within the limits" * stack.is_outside_limits_when_closed
+    return [*not_counted(stack.standing, but), *(note for note, holds in notes.items() if holds)]
 
 
 def commented_out_sizes(path: Path) -> str:
@@ -282,7 +283,8 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
     worst, spread, unit = stack.worst(), stack.root_sum_square(), stack.unit
     limited = bool(np.isfinite(stack.limits).any())
     if limited:
-        print_text(share.share_text + f", {spread.share:.4%} by root sum square" * usual)
+        of = "of all but closed contacts, " * stack.is_outside_limits_when_closed
+        print_text(of + share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
         shares = f"between {share.share_low:.4%} and {share.share_high:.4%}, and " * limited
         ends = f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"

@@ -311,3 +311,32 @@ def test_the_pose_command_tells_sizes_by_name() -> None:
     assert code == 0, said
     assert "slot_position +0.03" in text
     assert "inside the window" in text
+
+
+@pytest.mark.parametrize(("motion", "counted"), [("z", True), ("x", False)])
+def test_the_pose_command_tells_that_it_counts_closed_contacts_which_the_motion_opens(
+    motion: str, counted: bool, tmp_path: Path
+) -> None:
+    """A block on a floor, .1 before a wall: lifted it is nearer to nothing, so that the floor's gap of 0 is the least.
+
+    The gaps of the pose were 0 to 0, and those "at the best pose" .07 to .13, without a word.
+    """
+    step = [(-9, -9), (9, -9), (9, 6), (4, 6), (4, 0), (-9, 0)]
+    corners = [(x, y, z) for y in (-9, 9) for x, z in step]
+    ends = [(0, 1, 4), (0, 4, 5), (1, 2, 3), (1, 3, 4)]
+    triangles = [*ends, *((c + 6, b + 6, a + 6) for a, b, c in ends)]
+    for k, after in zip(range(6), (1, 2, 3, 4, 5, 0), strict=True):
+        triangles += [(after, k, 6 + after), (k, 6 + k, 6 + after)]
+    lines = [*("v {} {} {}".format(*own) for own in corners), *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles)]
+    (tmp_path / "floor.obj").write_text("\n".join(lines))
+    block = [[*own] for own in product((-4.0, 3.9), (-4.0, 4.0), (0.0, 4.0))]
+    (tmp_path / "block.toml").write_text(
+        f'[bodies.movable]\nname = "block"\nunit = "mm"\nvertices = {block}\n'
+        '[bodies.static]\nname = "floor"\nfile = "floor.obj"\nunit = "mm"\n'
+        '[[size]]\nname = "place"\nbody = "static"\nfaces = { through = [4.0, 0.0, 2.0] }\ntolerance = 0.03\n'
+        f'[[case]]\nname = "lift"\nmade = {{}}\ngoal = "clear"\nmotion = [{{ translation = "{motion}" }}]\n'
+    )
+    code, text, said = run("pose", tmp_path / "block.toml", "--clearance", "middle")
+    assert code == 0, said
+    text = " ".join(text.split())
+    assert ("counted in the pose, whose motion opens them" in text) == counted, text

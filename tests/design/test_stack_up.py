@@ -795,6 +795,18 @@ def test_one_of_several_contacts_alone() -> None:
         stack.of_contact(3)
 
 
+def test_the_share_of_one_contact_was_judged_by_that_of_all() -> None:
+    """A key that fills its slot, both walls of which move alone: half of all clear the one, a quarter both."""
+    key, walls = fo.Box((10, 8, 4), name="key"), [fo.Box((4, 20, 10), centre=(x, 0, 0)) for x in (-7, 7)]
+    base = fo.Body.from_parts([own.vertices for own in walls], name="base")
+    sizes = [fo.Size(f"wall {x}", "static", faces={"through": (x, 0, 0)}, tolerance=0.01) for x in (-5, 5)]
+    stack = fo.stack_up(fo.Problem(key, base, motion=fo.Translation("x"), target=(1, 1), goal="clear", sizes=sizes))
+    for asked, share in ((stack, 0.25), (stack.of_contact(1), 0.5), (stack.of_contact(2), 0.5)):
+        found = asked.yield_(100_000)
+        assert found.share == pytest.approx(share, abs=0.006)
+        assert fo.verify(found).passed
+
+
 def test_areas_of_round_faces_are_true_where_these_are_known() -> None:
     """Of a mesh that nobody says to be round they are those of its facets, which is said."""
     note, pin = "area of a round face: that of its facets", fo.Cylinder(5, 10, name="pin")

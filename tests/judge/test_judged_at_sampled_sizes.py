@@ -267,3 +267,26 @@ def test_the_edge_of_a_flat_left_its_cylinder_with_the_square_of_the_sizes(more)
     ends = made.corners[made.corners[:, :, 0] > 3.0]
     assert np.hypot(*ends[:, :2].T) == pytest.approx(3.99, abs=1e-12)
     assert ends[:, 0] == pytest.approx(3.02, abs=1e-12)
+
+
+def test_corners_at_fillets_that_sizes_shift_were_where_they_were_as_drawn() -> None:
+    """A slab with rounded corners on the floor of a pocket .1 larger all around, .1 wider or narrower than drawn.
+
+    A plane face ends where its fillet goes on, at 10 - 3 from the middle and as far as that is shifted. It ended at
+    6.95625 for 6.95, on neither face, so that the judge took the rim on the floor for a gap of 0: "NOT VERIFIED".
+    """
+
+    def rounded(x: float, y: float, name: str = "") -> fo.Body:
+        height = {"centre": (0, 0, 5)}
+        boxes = fo.Box((2 * x - 6, 2 * y, 10), **height), fo.Box((2 * x, 2 * y - 6, 10), **height)
+        posts = [fo.Cylinder(3, 10, base=(a * (x - 3), b * (y - 3), 0)) for a in (-1, 1) for b in (-1, 1)]
+        return fo.joined(*boxes, *posts, name=name)
+
+    slab, pocket = rounded(20, 10, "slab"), fo.cut(fo.Box((60, 40, 10), centre=(0, 0, 3)), rounded(20.1, 10.1))
+    width = fo.Size("width", "movable", faces=["+y", "-y"], each=0.5, tolerance=0.1)
+    claims = fo.stack_up(fo.Problem(slab, pocket, sizes=[width], goal="clear", motion=fo.Translation("y"))).claims()
+    assert [claims.least[0], claims.largest[0]] == pytest.approx([0.05, 0.1], abs=1e-12)
+    assert all(check.passed for check in claims.checks())
+    made, _ = SizedFaces.of(slab, "movable", [width]).at(np.array([-0.1]))
+    ends = made.corners[np.abs(made.corners[:, :, 0]) > 19.99]
+    assert np.abs(ends[:, 1]) == pytest.approx(6.95, abs=1e-12)

@@ -20,13 +20,14 @@ from fcdm_opt.problem.keys import ProblemFile
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show import texts
+from fcdm_opt.show.printing import printed
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report import gather as gathering
 from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered, size_rows, stack_report, stack_reports
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.page import assembly_report
-from fcdm_opt.show.stacks import BEYOND, stack_notes
+from fcdm_opt.show.stacks import BEYOND, print_stack, stack_notes
 from fcdm_opt.tolerances import DEFAULT, Tolerances
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -792,6 +793,20 @@ def test_what_matters_most_is_a_size():
     assert (most["name"], most["unit"], most["value"]) == ("slot_depth of slot", "+0.05 mm", pytest.approx(0.05))
 
 
+def test_the_share_of_other_contacts_was_told_as_that_of_parts_that_fit_with_their_clearance() -> None:
+    """A block on its floor, which leaves no clearance, .1 before a wall: "fit without a motion: 100 %"."""
+    floor = fo.Body.from_parts([[*product((-9, 9), (-9, 9), (-9, 0))], [*product((4, 9), (-9, 9), (0, 6))]])
+    block = fo.Body.convex([*product((-4, 3.9), (-4, 4), (0, 4))])
+    place = fo.Size("place", "static", faces={"through": (4, 0, 2)}, tolerance=0.03)
+    how = {"sizes": [place], "goal": "clear", "clearance": 0.06, "made": {}}
+    asked = fo.Problem(block, floor, motion=fo.Translation("z"), **how)
+    told = stack_report(asked)
+    assert told["yield"]["what"] == "all but closed contacts"
+    assert told["notes"][0].startswith("closed at all these sizes, and not counted, though with them no pair is within")
+    text = printed(lambda found: print_stack(found, found.yield_(1000)), fo.stack_up(asked))
+    assert "of all but closed contacts, gap of at least 0.06: 100.0000%" in " ".join(text.split())
+
+
 def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     """A block on a floor before a wall: the floor is always closed; sizes that are comments, and turned scales."""
     name = "slot_and_key.toml"
@@ -810,6 +825,7 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     kept = stack_report(asked.changed(keep_out=[post]))  # it had none: the gap of the two is what it is without
     assert kept == stack_report(asked) | {"notes": [told, kept["notes"][1]]}
     assert kept["worst"][0]["gap"] == pytest.approx(0.1 - 0.03, abs=1e-14)
+    assert kept["yield"]["what"] == "fit without a motion"
     assert "keep-outs (post) have no part in it" in kept["notes"][1]
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

@@ -5,7 +5,7 @@ What each size contributes to a gap: to how it is spread over all pairs of parts
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -58,6 +58,8 @@ class GapYield(Plain):
         Of lengths, "" where the problem names none.
     claimed : GapClaims, optional
         What is told of the gap, which `verify` looks at with the share; without one for sizes that depend on others.
+    counted : callable, optional
+        The gaps, (n,), whose share it is, at sizes (n, k): those claimed, or of one contact of several.
     """
 
     plain_names = (
@@ -82,6 +84,7 @@ class GapYield(Plain):
     high: float
     unit: str = ""
     claimed: GapClaims | None = field(default=None, repr=False)
+    counted: Callable[[Array], Array] | None = field(default=None, repr=False)
 
     def __str__(self) -> str:
         """Return the share in words, and how the gaps are spread."""
@@ -107,9 +110,9 @@ class GapYield(Plain):
 
     def claims(self, *, proof: bool = False) -> GapClaims:
         """Return what `verify` looks at: the gap at all sizes, and the share by draws of their own."""
-        if self.claimed is None or self.claimed.told is None:
+        if self.claimed is None or self.counted is None:
             raise InputError("what is drawn of sizes that depend on each other is not judged", key="correlation")
-        gaps = self.claimed.told(draws(self.claimed.sizes, OTHERS, SEED))
+        gaps = self.counted(draws(self.claimed.sizes, OTHERS, SEED))
         passed = (gaps >= self.limits[0]) & (gaps <= self.limits[1])
         return replace(self.claimed, share=ShareClaim(share=self.share, interval=self.interval, passed=passed))
 

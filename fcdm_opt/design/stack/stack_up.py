@@ -230,6 +230,11 @@ class StackUp:
         return self.touching.permanent_in_words
 
     @property
+    def is_outside_limits_when_closed(self) -> bool:
+        """Whether the limits allow no gap of 0 as contacts have that are closed at all sizes."""
+        return bool(self.standing) and not self.limits[0] <= 0.0 <= self.limits[1]
+
+    @property
     def weighted(self) -> tuple[str, ...]:
         """Motions that closed contacts leave free and that the gap depends on: it is that of the least, by weights."""
         return () if self.loop is None else self.loop.weighted
@@ -429,10 +434,11 @@ class StackUp:
             Of the sizes' normal scores (a normal copula); default independent.
         """
         how = {"seed": seed, "confidence": confidence, "correlation": correlation, "off": self.off}
-        drawn, every = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit), self.every or self
+        drawn = replace(drawn_gaps(self._drawn_from, self.limits, n, **how), unit=self.unit)
         if correlation is not None:
             return drawn
-        return replace(drawn, claimed=every._claims([pair.values for pair in every._drawn_from.pairs]))
+        claims = [own._claims([pair.values for pair in own._drawn_from.pairs]) for own in (self, self.every or self)]
+        return replace(drawn, claimed=claims[1], counted=claims[0].told)
 
     def allocate(
         self,

@@ -152,7 +152,8 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
             for what, gap, at in zip(("least", "largest"), gaps, (worst.at_least, worst.at_largest), strict=True)
         ],
         "spread": {"what": what, "ends": ends},
-        "yield": {"what": f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
+        "yield": {"what": "all but closed contacts" if found.is_outside_limits_when_closed
+                  else f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
                   "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"}
                  if np.isfinite(found.limits).any() else None,
         "chart": inline_svg(gap_figure(found, drawn), name),
