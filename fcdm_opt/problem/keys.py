@@ -265,7 +265,7 @@ RESTORING_GOALS = (None, "at", "seat", "fit")
 
 
 def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of a case and the defaults: whose tolerance goes with a requirement and not with "made"."""
+    """Return the keys of a case and the defaults: whose tolerance goes with a requirement alone."""
     # and whose contacts go with the goals and the pair that restore them together, and clearance with what is "clear"
     given = {**defaults, **case}
     restoring = given.get("goal") in RESTORING_GOALS and given.get("pair") != "clear"
@@ -274,7 +274,7 @@ def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[
     state = given.get("goal"), given.get("pair")
     if "clearance" not in case and ("clear" not in state or "touch" in state):
         given.pop("clearance", None)
-    if "made" in given and not {"requirement", "target"} & given.keys() and "tolerance" not in case:
+    if ("made" in given or "target" in case) and "requirement" not in given and "tolerance" not in case:
         given.pop("tolerance", None)
     return given
 

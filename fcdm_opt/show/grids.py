@@ -9,8 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fcdm_opt import pacing
 from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
+from fcdm_opt.design.compensation.refined_mesh import SHORTEST
+from fcdm_opt.design.compensation.sampling import sample_at
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene
@@ -45,12 +48,21 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     """
     many = LINES.get(len(found.over), 3) if lines is None else lines
     sizes = [np.linspace(low, high, many) for low, high in np.asarray(found.box)]
-    points = found.at(*np.meshgrid(*sizes, indexing="ij"))
+    places = np.stack(np.meshgrid(*sizes, indexing="ij"), axis=-1).reshape(-1, len(sizes))
+    points = found.at(*places.T)
     shape = (-1, many) if len(sizes) > 1 else (many, 1)
-    motion = points.parameters.reshape(*shape, len(scene.coordinates))
+    motion, late = points.parameters.copy(), points.undecided
+    # where a region without a motion ends, as at no play at all, a map knows it to its shortest edge only
+    off = 2.0 * SHORTEST * np.diag(np.ptp(np.asarray(found.box), axis=1))
+    around = found.table.at(*np.moveaxis(places[:, None] + np.array([*off, *-off]), -1, 0))
+    for k in np.flatnonzero(np.isnan(points.amount) & ~late & np.isfinite(around.amount).any(axis=1)).tolist():
+        sample = pacing.in_time(sample_at, scene, tuple(places[k].tolist()), found.over, late=None)
+        late[k] = sample is None
+        motion[k] = np.nan if sample is None else sample.values[1:]
+    motion = motion.reshape(*shape, -1)
     most = max(found.error, UNSURE * float(np.nanmax(points.amount, initial=0.0)))
     between = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # of motions found beside it, on a jump
-    unknown = (points.undecided | between).reshape(shape)
+    unknown = (late | between).reshape(shape)
     heads = [
         [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal

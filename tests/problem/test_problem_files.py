@@ -792,6 +792,20 @@ def test_a_clearance_of_the_defaults_was_refused_by_cases_of_other_goals(tmp_pat
         load_problems(path)
 
 
+def test_a_tolerance_of_the_defaults_was_refused_by_cases_with_a_target(tmp_path: Path) -> None:
+    """It goes with the requirements of other cases; of a case with a target itself it is refused."""
+    text, path = (PROBLEMS / "peg_square.toml").read_text().partition("\n[[case]]")[0], tmp_path / "p.toml"
+    text = re.sub(r"(?m)^(goal|tolerance) = .*\n", "", text).replace("[defaults]", "[defaults]\ntolerance = 0.02")
+    text = text.replace('file = "', f'file = "{PROBLEMS}/')
+    case = '\n[[case]]\nname = "{0}"\n{1}\ngoal = "touch"\n'
+    asked, own = case.format("own", "target = [1.01, 1.0]"), case.format("A", 'requirement = "A"')
+    path.write_text(text + asked + own)
+    assert {own.name: own.requirement for own in load_problems(path)} == {"own": None, "A": "A"}
+    path.write_text(text + asked + "tolerance = 0.02\n" + own)
+    with pytest.raises(InputError, match="a target takes no tolerance"):
+        load_problems(path)
+
+
 def test_what_the_digits_of_a_file_leave_open_was_lost_in_plain_data(tmp_path: Path) -> None:
     """Of an STL in single precision; `whatif` on the command line answered with facets, NOT VERIFIED."""
     import trimesh

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import fcdm_opt as fo
 from fcdm_opt.cli import app
+from fcdm_opt.geometry.primitives import Box
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
 from fcdm_opt.show.report.cases import size_rows
@@ -96,6 +97,21 @@ def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
     (grid,) = grids(fo.compensation_map(problem), problem, lines=3)
     assert grid.rows == ["1.98 mm (-0.02)", "2 mm (as drawn)", "2.02 mm (+0.02)"]
     assert grid.columns == ["-0.01 mm", "as drawn", "+0.01 mm"]
+
+
+def test_a_grid_had_a_dash_where_sizes_leave_no_play_at_all() -> None:
+    """Two pins of 2, one of them off by p, in slots of 2.1 are to clear: the shift is .05 - p, up to p = .1."""
+    centres = (-10.0, 10.0)
+    pins = [Box((2, 2, 2), centre=(x, 0, 0)).vertices for x in centres]
+    walls = [Box((1, 4, 4), centre=(x + s * 1.55, 0, 0)).vertices for x in centres for s in (-1, 1)]
+    right = [{"through": (10.0 + s, 0.0, 0.0)} for s in (-1, 1)]
+    place = fo.Size("place", "movable", faces=right, along="x", tolerance=(0.0, 0.12))
+    bodies = fo.Body.from_parts(pins, name="pins"), fo.Body.from_parts(walls, name="slots")
+    problem = fo.Problem(*bodies, sizes=[place], motion=fo.Translation("x"), goal="clear", unit="mm")
+    (grid,) = grids(fo.compensation_map(problem, error=1e-3), problem, lines=7)
+    *cells, beyond = (row[0] for row in grid.cells)
+    assert beyond == "-"
+    np.testing.assert_allclose([float(x) for x in cells], [0.0, 0.0, 0.0, -0.01, -0.03, -0.05], atol=1e-6)
 
 
 def test_what_sizes_measure_as_drawn() -> None:

@@ -55,8 +55,9 @@ OF = {
     "corners": "each size at either end, in every combination",
 }
 FEW, MANY = 4, 8  # sizes: the combinations that are looked at where none are asked for, and at most
-OWN_CORNER = "each line is of its own corner alone, at which all sizes are off at once; {}, and "
-NO_GUARANTEE = "{}sizes that are at no corner may need more, or have no motion (see map)"
+OWN_CORNER = "good up to {} only where all sizes are off at once, as at each of these corners; "
+NO_GUARANTEE = "{}sizes that are at no corner {}may need more, or have no motion (see map)"
+ALL_SIZES = "worst holds for all sizes within: none has more material, so its motion clears them, too"
 OF_SCALES = ("made", "larger", "smaller")  # which way the parts of an assembly are off
 CELLS = 64  # of equal width up to there
 SMALLEST = 10.0 * DEFAULT.side  # tolerance below which the judge, who opens and closes by `side`, can tell nothing
@@ -236,9 +237,12 @@ class Budgets(Mapping[str, Budget]):
         """What corners of several sizes leave open, in words; "" of others."""
         if not any(one.corner and len(one.sizes) > 1 for one in self.each.values()):
             return ""
+        if "worst" in self.each and self.each["worst"].proved:
+            return ALL_SIZES
+        if "corners" in self.each:
+            return NO_GUARANTEE.format("", "")
         least = min(self.each.values(), key=lambda one: one.tolerance)
-        own = OWN_CORNER.format(f"all of them are good up to {least.tolerance_text()} together")
-        return NO_GUARANTEE.format("" if "corners" in self.each else own)
+        return NO_GUARANTEE.format(OWN_CORNER.format(least.tolerance_text()), "looked at ")
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""
@@ -278,9 +282,8 @@ def budget(
     requirements : "all", or sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest), "corners" (each at either end, in every combination, of
-        up to 8 sizes); default "worst" and "loosest", of surfaces and of scales that turn faces, whose least gap is
-        not known beforehand, and of assemblies "low" and "high", and of two to four sizes where more than one contact
-        is to be restored "corners". Of the
+        up to 8 sizes); default of two to four sizes "corners", else "worst" and "loosest", as where the motion of
+        "worst" clears all, and of surfaces, of scales that turn faces and of assemblies "low" and "high". Of the
         scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
         default "made", of parts as drawn the two others.
     largest : float, optional
@@ -311,8 +314,6 @@ def budget(
         shape, most, usual = _shape_of_sizes(problem, scale)
         known = CORNERS[2:] if isinstance(problem, Assembly) else known
         known = known if len(shape) <= MANY else tuple(name for name in known if name != "corners")
-        if 1 < len(shape) <= FEW and (not isinstance(problem, Problem) or problem.goal in ("at", "seat")):
-            usual = CORNERS[-1:]
     elif isinstance(problem, Assembly):
         shape, most, known = _deviations(problem, scale), LARGEST, OF_SCALES
         usual = OF_SCALES[:1] if problem.deviates else OF_SCALES[1:]
@@ -320,6 +321,16 @@ def budget(
         shape, most, usual = np.ones((2, 2)), LARGEST, known
         if scale and problem.tolerance is not None and problem.tolerance.any():
             shape = problem.tolerance / float(problem.tolerance.max())
+    if largest is None:
+        largest = most
+    else:
+        allowed = "a tolerance > 0" if own else "a tolerance > 0 and < 1"
+        largest = arguments.real(largest, "largest", allowed, lambda x: x > 0 and (own or x < 1))
+    shape = frozen(shape)
+    if own and requirements is None and 1 < len(shape) <= FEW:
+        worst = _Tolerances(problem, "worst", shape, limit, largest, accuracy)
+        with suppress(pacing.TimeOverError):
+            usual = usual if usual == CORNERS[:2] and worst.has_most_material else CORNERS[-1:]
     every = known if requirements == "all" else usual if requirements is None else None
     given: Any = every if every is not None else (requirements,) if requirements in known else requirements
     letters = tuple(given if isinstance(given, str) else arguments.items(given))
@@ -328,12 +339,6 @@ def budget(
     if not letters:
         allowed = ", ".join(known)
         raise InputError("no requirement is asked for", key="requirements", found=requirements, allowed=allowed)
-    if largest is None:
-        largest = most
-    else:
-        allowed = "a tolerance > 0" if own else "a tolerance > 0 and < 1"
-        largest = arguments.real(largest, "largest", allowed, lambda x: x > 0 and (own or x < 1))
-    shape = frozen(shape)
     each = dict[str, Budget]()
     for k, letter in enumerate(letters):
         own_shape = {"larger": np.ones_like(shape), "smaller": -np.ones_like(shape)}.get(letter, shape)
@@ -435,6 +440,11 @@ class _Tolerances:
     def widest(self) -> Scene:
         """The question at the largest tolerance: parts that can follow sizes there can follow smaller ones."""
         return self.asked(self.largest, self.made(self.largest)[0])
+
+    @property
+    def has_most_material(self) -> bool:
+        """Whether no size of the box has more material than this corner: what clears here clears all."""
+        return self.problem.goal == "clear" and order(self.widest, self.letter)[0] is Order.FROM_ZERO
 
     @cached_property
     def touching(self) -> TouchingSizes | None:
