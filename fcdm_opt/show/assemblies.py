@@ -39,11 +39,11 @@ def print_answers(rows: Sequence[SolvedCase]) -> None:
     print_rows([cells for row in rows for cells in _cells(row.solution)], numbers=NUMBERS, optional=("weight",))
     lines = list[str]()
     for row in rows:
-        solution, told = row.solution, [f"{UNPROVED}: {row.unproved}"] * bool(row.unproved)
+        solution, own = row.solution, [f"{UNPROVED}: {row.unproved}"] * bool(row.unproved)
         if solution.status.found and solution.status.name != "SOLVED":  # else the verdict says it
-            told.append(f"{solution.advice}{failed_text(solution)}")
-        told += [*beyond_tolerances(solution.assembly), *unsaid(solution)]
-        lines += [f"{solution.assembly.name}: {text}" for text in told]
+            own.append(f"{solution.advice}{failed_text(solution)}")
+        own += [*beyond_tolerances(solution.assembly), *unsaid(solution)]
+        lines += [f"{solution.assembly.name}: {text}" for text in own]
     print_lines([*lines, *_overlaps(rows[0].solution.assembly)])
 
 

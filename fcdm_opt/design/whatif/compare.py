@@ -84,8 +84,8 @@ class FamilyRow(PlainMotion):
         """Return plain data; nan becomes None and infinity "inf"."""
         solution, several = self.solution, isinstance(self.solution, AssemblySolution)
         found = solution.coordinates if solution else {}
-        told = solution.question.motion_texts(found.values()).items() if solution and found else ()
-        motion = "; ".join(f"{part} {text}" if several else text for part, text in told) or None
+        texts = solution.question.motion_texts(found.values()).items() if solution and found else ()
+        motion = "; ".join(f"{part} {text}" if several else text for part, text in texts) or None
         bound = None if solution is None else plain(solution.lower_bound)
         state = getattr(solution, "pair_state", "")
         return {"family": self.name, **super().to_dict(), "motion": motion, "lower_bound": bound, "pair_state": state}
