@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _CHANGE = re.compile(r"""((?:"[^"]*"|'[^']*'|[^="'])+)=(.*)""", re.DOTALL)
 CHANGES = """KEY=VALUE as tolerance=0.03, made."peg width"=0.01"""
+POSED = 0.6  # share of the time left for a pose, and judging it; the gaps as drawn are judged, too
 JUDGED = ("map", "yield", "as drawn", "best pose")
 """What is judged where parts are made anew; with a yield the stack-up it is of."""
 ALL_SIZES = ("scales", "made", "requirement")
@@ -336,18 +337,23 @@ def pose_command(
             ends = zip(own.values(), pairs.min(axis=0).tolist(), pairs.max(axis=0).tolist(), pairs.T, strict=True)
             within = [replace(size, tolerance=(low, high), distribution=Measured(x)) for size, low, high, x in ends]
             problem, pairs = problem.changed(sizes=within), None
-        with common.named(
-            sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)
+        with (
+            common.named(
+                sizes="--sizes", box="--box" * (box is not None), clearance="--clearance" * (window is not None)
+            ),
+            pacing.sharing(POSED),
         ):
             best = best_pose(problem, sizes=pairs, box=box, clearance=window)  # what it refuses is said first
-        drawn = clearances(problem, sizes=pairs, box=box)
+        with pacing.telling():
+            drawn = clearances(problem, sizes=pairs, box=box)
         yield "as drawn", drawn, partial(tables.print_clearances, problem=problem, where="as drawn")
         opened = [] if best.standing or best.permanent_faces else drawn.standing
         counted = not_counted(opened, "but counted in the pose, whose motion opens them")
         text = "; ".join([str(best).replace(ONLY_CLEAR, "--clearance 0,inf"), *counted])
         yield "best pose", best, lambda _: tables.print_said(text)
         pose = best.parameters if best.transform is None else best.transform
-        made = clearances(problem, sizes=pairs, box=box, pose=pose)
+        with pacing.telling():
+            made = clearances(problem, sizes=pairs, box=box, pose=pose)
         yield "at the best pose", made, partial(tables.print_clearances, problem=problem, where="at the best pose")
 
     _each_case(inquiry, asked, ignored=ALL_SIZES)
@@ -454,7 +460,7 @@ def _each_case(
 
     Cases that differ in keys alone that are no matter, `ignored`, are asked about once.
     """
-    from fcdm_opt.judge.certificate import verify
+    from fcdm_opt.judge.certificate import Certificate, judged_in_time
     from fcdm_opt.show.printing import print_lines
     from fcdm_opt.show.remarks import known_gaps, on_true_faces, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
@@ -477,7 +483,9 @@ def _each_case(
             inquiry.codes.append(_code(answer))
             exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
             of_facets |= not (key == "map" or exact)  # a map says it itself
-            certificate = verify(answer) if key in JUDGED else None
+            certificate = None
+            if key in JUDGED:
+                certificate = Certificate(answer.checks) if hasattr(answer, "checks") else judged_in_time(answer)
             if certificate is not None:
                 inquiry.refused |= not certificate.passed
                 told["certificate"] = certificate.to_dict()

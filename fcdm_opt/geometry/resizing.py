@@ -234,7 +234,7 @@ def resized(body: Body, made: Mapping[Size, float]) -> Body:
     return _resized(body, tuple((size.of_body("movable"), value) for size, value in made.items()))
 
 
-@lru_cache(maxsize=32)  # points of a map that differ in sizes of the other body have this one in common
+@lru_cache(maxsize=128)  # alike for sizes of the other body, and for each contact that is judged at the same sizes
 def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
     made = dict(deviations)
     scaled = _scaled(body, made)

@@ -120,8 +120,21 @@ def judged(solution: Judged, fitting: Callable[[Any], Any] = inside_fit) -> tupl
             solution = fitting(solution)
             return solution, verify(solution)
     except pacing.TimeOverError as over:
-        untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
-        return replace(solution, stopped=solution.stopped or str(over)), Certificate((untold,))
+        return replace(solution, stopped=solution.stopped or str(over)), _late(over)
+
+
+def judged_in_time(answer: Any) -> Certificate:
+    """Return the verdict on what is told of many sizes, late or not; see `judged`."""
+    try:
+        with pacing.judging():
+            return verify(answer)
+    except pacing.TimeOverError as over:
+        return _late(over)
+
+
+def _late(over: pacing.TimeOverError) -> Certificate:
+    untold = Check(IN_TIME, False, float("nan"), over.limit, "not judged in the time given, seconds")
+    return Certificate((untold,))
 
 
 def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:

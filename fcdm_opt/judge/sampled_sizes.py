@@ -34,6 +34,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 SAMPLED, CORNERS = 12, 12  # sizes within a box, and corners of it, at which parts are made anew at most
 FEW = 6  # of both, where true faces are looked at
+LATE = np.inf, np.inf, np.inf  # in place of the gaps of sizes that there is no time for
 SURE = 1e-9  # chance that a share which is right is refused for the draws it was compared with
 
 
@@ -76,7 +77,15 @@ class GapClaims:
     beside: Sequence[GapClaims] = ()  # of further contacts
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what the collision library says of it."""
+        """Return what the collision library says of it; raises `TimeOverError` before all ends of ranges are judged."""
+        every, found = (self, *self.beside), list[Check]()
+        for k, own in enumerate(every):
+            with pacing.sharing(1.0 / (len(every) - k)):
+                found += own._checks()
+        return tuple(found)
+
+    def _checks(self) -> tuple[Check, ...]:
+        """Return the same without what is `beside`."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies)
         if self.permanent_faces is not None:  # surfaces are taken from corners with the digits of files
             slack += max(body.rounding for body in self.bodies)
@@ -91,7 +100,7 @@ class GapClaims:
             found.append(_at_most(f"{kept} '{body.name}'", short, slack, "how much too near, at the same sizes"))
         found += [] if self.share is None else [_share(self.share)]
         named = [check._replace(name=f"{self.name}: {check.name}") for check in found] if self.name else found
-        return (*named, *self.others, *(check for own in self.beside for check in own.checks()))
+        return (*named, *self.others)
 
     def _of_gap(self, ends: Array, others: Array, slack: float) -> list[Check]:
         """Return the checks of the range of the gap, and of gaps told at sampled sizes."""
@@ -99,12 +108,13 @@ class GapClaims:
         assert self.largest is not None
         low, high = self.box.T
         outside = float(np.maximum(low - ends, ends - high).max(initial=0.0))
-        places, gaps = np.vstack([ends, others]), []
+        places, gaps = np.vstack([ends, others]), list[tuple[float, float, float] | None]()
         for k, place in enumerate(places):
             pacing.at("judging the gap of parts made at other sizes", k, len(places))
-            gaps.append(self._gaps(place))
-        made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=True) if gap is not None]
-        lost = f"at {len(made)} sizes; {len(others) - len(made)} of which no part can be made"
+            gaps.append(self._gaps(place) if k < len(ends) else pacing.in_time(self._gaps, place, late=LATE))
+        gaps = gaps[: gaps.index(LATE)] if LATE in gaps else gaps
+        made = [(gap, place) for gap, place in zip(gaps[2:], others, strict=False) if gap is not None]
+        lost = f"at {len(made)} sizes; {len(gaps) - 2 - len(made)} of which no part can be made"
         least, largest = self.least[0], self.largest[0]
         apart = [(d, d if np.isnan(s) else min(d, s)) for (d, s, _), _ in made]
         checks = [

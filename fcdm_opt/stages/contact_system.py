@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from itertools import combinations
+from itertools import combinations, product
 from operator import rshift
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
-from fcdm_opt.geometry.arrays import Array, Flags
+from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
@@ -61,6 +61,7 @@ MOST_VIOLATED = 3  # conditions that are told to be violated
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
 TRANSLATIONS = "1: translations, best first over separating directions"
+DIGITS = 12  # to which rows of vertices that touch at once are told apart
 BATCH_SIZE = 16  # part pairs of many that are taken up together, the nearest first
 
 
@@ -451,19 +452,35 @@ class System:
         carriers: list[Any] = [joint.carriers for joint in task.joints]
         if self.touching:
             carriers = [[parts for _, parts in self.touching[: self.sooner(length)]]]
-        most = EVERY if task.motion.shifts else NEAREST_WAYS
+        if not task.motion.shifts:
+            return Choices.of([self._turned_onto(own, q) for own in carriers], len(task.weights))
         groups = [
             [
-                Rows(-rows.normals, self._over(parts, q, most) - rows.levels if shared else -rows.levels)
-                for parts in own for rows in (self._rows(parts, q, most),)
+                Rows(-rows.normals, self._over(parts, q) - rows.levels if shared else -rows.levels)
+                for parts in own for rows in (self._rows(parts, q, EVERY),)
             ] for own in carriers
         ]  # fmt: skip
         return Choices.of(groups, len(task.weights))
 
-    def _over(self, parts: Parts, q: Array, most: int) -> Array:
+    def _turned_onto(self, carriers: Sequence[Parts], q: Array) -> list[Rows]:
+        """Return how one of some pairs may touch by motions that turn: along its widest directions by any vertex."""
+        task, y, found = self.task, self.task.weights * q, list[Rows]()
+        scene, tie = Linearised.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit)), DEFAULT.tie * task.size
+        for parts in carriers:
+            each = sorted(scene.directions(parts) if scene else (), key=lambda own: -own[1].min())[:NEAREST_WAYS]
+            rows = [np.column_stack([np.where(self.moving, -J, 0.0), gaps]) for J, gaps in each]  # no gap is to be left
+            rows = [own[own[:, -1] <= own[:, -1].min() + tie] for own in rows]
+            widest = max((own[:, -1].min() for own in rows), default=0.0)
+            rows = [own if own[:, -1].min() >= widest - tie else own[:1] for own in rows]
+            ways = map(np.array, product(*(own[distinct_rows(own.round(DIGITS))[0]] for own in rows)))
+            found += [Rows(way[:, :-1], (way[:, -1] + way[:, :-1] @ y) / task.size) for way in ways if len(way)]
+        rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
+        return found or [Rows(-own.normals, -own.levels) for own in rest]
+
+    def _over(self, parts: Parts, q: Array) -> Array:
         """Return how far flush faces of a part pair must lie over one another, in sizes, along each of its `_rows`."""
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
-        normals, over = rows[np.argsort(-gaps)[:most], :3], np.zeros(min(most, len(gaps)))
+        normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
         for seat in self.task.seats:
             if seat.parts == parts:
                 across = np.abs(normals @ seat.normal) < 1.0 - DEFAULT.nominal

@@ -11,8 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.cli import app
 from fcdm_opt.curve.true_sizes import SizedFaces
+from fcdm_opt.geometry import resizing
+from fcdm_opt.judge import sampled_sizes
 
 
 def block(low, high, name):
@@ -290,3 +293,37 @@ def test_corners_at_fillets_that_sizes_shift_were_where_they_were_as_drawn() -> 
     made, _ = SizedFaces.of(slab, "movable", [width]).at(np.array([-0.1]))
     ends = made.corners[np.abs(made.corners[:, :, 0]) > 19.99]
     assert np.abs(ends[:, 1]) == pytest.approx(6.95, abs=1e-12)
+
+
+@pytest.mark.parametrize(("most", "passed"), [(5, True), (1, False)], ids=["some judged", "an end not judged"])
+def test_a_pose_told_nothing_where_judging_it_took_longer_than_the_time_given(monkeypatch, most, passed):
+    """The key's width is .03 and .02 uncertain, .1 free: its best pose was found, and lost while parts were cut."""
+    made, places = sampled_sizes.made_at, list[int]()
+
+    def slow(*given):
+        places.append(0)
+        if len(places) > most:
+            raise pacing.TimeOverError
+        return made(*given)
+
+    monkeypatch.setattr(sampled_sizes, "made_at", slow)
+    found = fo.best_pose(key_in_slot(False).changed(goal="touch"))
+    assert found.lower_bound == pytest.approx(pose().lower_bound)
+    assert found.passed is passed
+    if passed:
+        assert "at 3 sizes; 0 of which" in found.checks[3].note
+    else:
+        assert "NOT VERIFIED, do not use it: failed judged in time" in str(found)
+
+
+def test_parts_were_made_anew_for_each_contact():
+    """Each of several claims is judged at the same 24 sizes and its two ends: 26 keys and as many slots are made."""
+    key, slot = (key_in_slot(False).request[role] for role in ("movable", "static"))
+    sizes = [fo.Size(f"width {face}", "movable", faces=face, tolerance=0.03) for face in ("+x", "-x", "+y")]
+    sizes += [fo.Size("wall", "static", faces="F9", tolerance=0.02)]
+    problem = fo.Problem(key, slot, goal="touch", motion=fo.Translation("x"), sizes=sizes, made={})
+    judge = fo.clearances(problem).claims()
+    judge = replace(judge, beside=[judge, judge])
+    resizing._resized.cache_clear()
+    assert all(check.passed for check in judge.checks())
+    assert resizing._resized.cache_info().misses <= 2 * 26

@@ -886,3 +886,31 @@ def test_a_box_of_only_one_motion_that_the_judge_shows_less_of(scale: float) -> 
     assert found.verified
     assert found.amount == pytest.approx(math.hypot(0.3, 0.2), abs=1e-9)
     assert found.lower_bound == pytest.approx(found.amount, rel=1e-9)
+
+
+@pytest.mark.parametrize("high", [1, 2])
+def test_a_work_that_tilts_on_the_higher_of_two_supports_was_not_found(high):
+    """Bars 0..6 and 44..50, one .02 higher: work from the one's edge turns onto the other, its side on a jaw 40 high.
+
+    Of its flush faces the corner had been taken that the turn lifts, so that nothing could touch.
+    """
+    heights = [20.0 + 0.02 * (high == k) for k in (1, 2)]
+    boxes = {
+        "jaw": ((-30, -40, 0), (0, 40, 40)),
+        "bar 1": ((0, -30, 0), (6, 30, heights[0])),
+        "bar 2": ((44, -30, 0), (50, 30, heights[1])),
+        "work": ((0, -30, 20), (50, 30, 45)),
+    }
+    corners = {name: list(product(*zip(*own, strict=True))) for name, own in boxes.items()}
+    parts = [fo.Body.convex(own, seed=(0, 0, 20), name=name) for name, own in corners.items()]
+    motion = fo.Translation("x") >> fo.Translation("z") >> fo.Rotation("y", centre="seed")
+    limits = {"TX": (-1, 1), "TZ": (-1, 1), "RY": (-0.02, 0.02)}
+    contacts = [{"parts": ("work", name), "goal": "touch"} for name in ("bar 1", "bar 2", "jaw")]
+    found = fo.solve(fo.Assembly(parts, contacts, motions={"work": motion}, limits={"work": limits}))
+    x, t = 0.0, 0.0
+    for _ in range(60):  # to the right upwards the jaw's upper edge holds the side, downwards it the work's lower one
+        t = math.atan(0.02 / (44.0 - x)) if high == 2 else math.asin((0.02 + 6.0 * math.tan(t)) / 50.0)
+        x = 20.0 * math.tan(t) if high == 2 else 0.0
+    expected = (x, 0.0, -t) if high == 2 else (0.0, 0.02 + 6.0 * math.tan(t), t)
+    assert found.usable
+    assert tuple(found.parameters["work"].values()) == pytest.approx(expected, abs=1e-9)

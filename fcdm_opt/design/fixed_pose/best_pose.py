@@ -23,6 +23,7 @@ from fcdm_opt.design.sizes import SCALES, Sizes, all_sizes, by_name, not_counted
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.units import floored, measured
+from fcdm_opt.judge.certificate import judged_in_time
 from fcdm_opt.judge.engagement import leaves_fit
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.lazy_import import NotebookRepr
@@ -339,7 +340,7 @@ def best_pose(
     pose = _reported(problem, best, (low, high), own=own)
     if true is not None:
         pose = replace(pose, evidence=None, permanent_faces=frozenset(true.permanent))
-    return replace(pose, checks=pose.claims().checks(), seconds=time.perf_counter() - start)
+    return replace(pose, checks=judged_in_time(pose).checks, seconds=time.perf_counter() - start)
 
 
 class _Best(NamedTuple):
