@@ -106,8 +106,8 @@ class Exchange:
 
     def add_nearest(self, transform: Array, gap: float) -> None:
         """Make the parts exact where true faces are nearest after a motion that leaves facets a gap."""
-        near = self.nearest(transform, gap - self.need)[:1]
-        self.add([own for own in near if not self.has(own)])
+        near = [own for own in self.nearest(transform, gap - self.need) if len(own.points) == len(self.points)]
+        self.add([own for own in near[:1] if not self.has(own)])
 
     def with_points(self, found: Sequence[NearestPoints]) -> Points:
         """Return the points of each part with these."""
@@ -314,6 +314,7 @@ def points_of_true_faces(
         if touching and not (current.transform is not None and current.amount <= touching[0] + JUMP * slack):
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
+            asked.add_nearest(np.eye(4), current.pair_gap)  # the gap that is told is that as drawn
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
         if cleared and refused(current):
             return points
