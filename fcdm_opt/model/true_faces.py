@@ -128,12 +128,25 @@ class Exchange:
         near = self._sorted(transform, self._slack)
         least = min((own.gap for own in near), default=0.0)
         found = [own for own in near if own.gap <= max(TIGHT * self._slack, -SEVERAL * least)]
-        own = max(found, key=moved, default=None)
+        own = max((own for own in found if not self._is_flush(own, transform)), key=moved, default=None)
         if own is None or self.has(own):
             return []
         half, (one, two) = max(-own.gap, 0.0) / 2.0 * own.normal, self.facets.target.tolist()
         within = np.array([-half @ transform[:3, :3] / one, half / two])
         return [own._replace(points=own.points + within[: len(own.points)])]
+
+    def _is_flush(self, own: NearestPoints, transform: Array) -> bool:
+        """Tell whether plane faces meet there, as at the rim of a lid: parts within the true ones have these too."""
+        sides = zip((self.facets.movable, self.facets.static), own.points, strict=False)
+        normals, turn = list[list[Array]](), transform[:3, :3]
+        for body, point in sides:
+            faces = true_faces(body)
+            flat = [faces.patches[k] for k in faces.at(point) if not faces.is_round[k]]
+            normals.append([patch.gaps(point[None])[1][0] for patch in flat])
+        return all(
+            any(sign * (m @ own.normal) > 1.0 - DEFAULT.nominal for m in there)
+            for sign, there in ((1.0, [turn @ n for n in normals[0]]), (-1.0, normals[-1]))
+        )
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
         """Return where true faces meet after the least motion near one after which the parts touch."""

@@ -1088,6 +1088,16 @@ def test_a_clearance_that_a_bore_does_not_leave_was_told_to_be_open_on_true_face
     assert solution.doubt == ""
 
 
+@pytest.mark.parametrize("kept_out", [False, True])
+def test_the_gap_told_of_a_clearance_that_no_motion_leaves_was_that_to_facets(kept_out: bool) -> None:
+    """A pin of 4.98 in a bore of 5 has .02 of play, whatever clearance is asked; .04398 to the pin's facets."""
+    block = fo.KeepOut(fo.Box((1, 1, 1), centre=(20.505, 0, 10)), clearance=0.01, name="block")  # .005 off the plate
+    problem = asked(plate(5.0), pin(4.98), fo.Rotation("z", "origin"), goal="clear", clearance=0.3)
+    found = fo.solve(problem.changed(limits={"RZ": (0, 0.1)}, keep_out=(block,) * kept_out))
+    assert (found.status, found.pair_state) == (fo.Status.INFEASIBLE, "apart")
+    assert found.pair_gap == pytest.approx(0.02, rel=1e-9)
+
+
 def test_a_disc_flush_on_another_was_inside_it_between_a_chord_and_its_rim() -> None:
     """Shifted by .01 it overlaps nothing: its rim is in the plane of the other's end, not behind that one's side."""
     base, cover = fo.Cylinder(50.0, 10.0, facets=48), fo.Cylinder(50.0, 8.0, base=(0, 0, 10), facets=44)
