@@ -12,7 +12,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.geometry.facet_errors import gaps_off, round_surfaces
+from fcdm_opt.geometry.facet_errors import gaps_off, is_plane_there, known_to, round_surfaces
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
@@ -179,6 +179,11 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         else:
             what = f"{steps}{'; there,' if event.x else ':'} {event.what}"
         told.append(f"{side}: {what}")
+    features = [*coherent.features, *(feature for event in coherent.events for feature in event.successors)]
+    sides = [(problem.movable, own.one) for own in features] + [(problem.static, own.two) for own in features]
+    if not all(is_plane_there(body, element) for body, element in sides):
+        why = known_to(problem.movable, [problem.static], problem.unit)
+        told += [f"round faces are followed as facets; {line}" for line in why]
     return told
 
 
