@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.design.sizes import beyond_tolerances
@@ -121,13 +122,16 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     said: dict[str, list[str]] = {}  # notes, and the cases that they are of
+    advising = 0.0  # time of other questions, of what is impossible
     for row in rows:
         solution = row.solution
         notes = remarks(solution)
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
+            start = perf_counter()
             notes = [f"{texts.advised(row)}{failed_text(solution)}", *notes]
+            advising += perf_counter() - start
         if cause := solution.left_by_mesh.partition(": ")[2]:  # the same of many cases
             notes.append(f"what true parts need is left open: {cause}")
         for text in notes:
@@ -142,6 +146,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
         print_text(f"{head}{exactly}", indent="   ")
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
+    stages["advise"] = advising
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
     console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}, parts read: {shares or 'not measured'}\n")

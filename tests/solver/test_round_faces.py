@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache, reduce
 from operator import rshift
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -1093,9 +1094,12 @@ def test_the_gap_told_of_a_clearance_that_no_motion_leaves_was_that_to_facets(ke
     """A pin of 4.98 in a bore of 5 has .02 of play, whatever clearance is asked; .04398 to the pin's facets."""
     block = fo.KeepOut(fo.Box((1, 1, 1), centre=(20.505, 0, 10)), clearance=0.01, name="block")  # .005 off the plate
     problem = asked(plate(5.0), pin(4.98), fo.Rotation("z", "origin"), goal="clear", clearance=0.3)
+    start = perf_counter()
     found = fo.solve(problem.changed(limits={"RZ": (0, 0.1)}, keep_out=(block,) * kept_out))
+    spent = perf_counter() - start
     assert (found.status, found.pair_state) == (fo.Status.INFEASIBLE, "apart")
     assert found.pair_gap == pytest.approx(0.02, rel=1e-9)
+    assert 0.9 * spent <= sum(found.seconds.values()) <= spent  # that in which true faces were looked at had no place
 
 
 def test_a_disc_flush_on_another_was_inside_it_between_a_chord_and_its_rim() -> None:
