@@ -137,16 +137,12 @@ class Exchange:
 
     def _is_flush(self, own: NearestPoints, transform: Array) -> bool:
         """Tell whether plane faces meet there, as at the rim of a lid: parts within the true ones have these too."""
-        sides = zip((self.facets.movable, self.facets.static), own.points, strict=False)
-        normals, turn = list[list[Array]](), transform[:3, :3]
-        for body, point in sides:
-            faces = true_faces(body)
-            flat = [faces.patches[k] for k in faces.at(point) if not faces.is_round[k]]
-            normals.append([patch.gaps(point[None])[1][0] for patch in flat])
-        return all(
-            any(sign * (m @ own.normal) > 1.0 - DEFAULT.nominal for m in there)
-            for sign, there in ((1.0, [turn @ n for n in normals[0]]), (-1.0, normals[-1]))
-        )
+        bodies, normals = (self.facets.movable, self.facets.static), (own.normal @ transform[:3, :3], -own.normal)
+        return len(own.points) == len(self.points) and all(
+            any(not faces.is_round[k] and faces.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal
+                for k in faces.at(x))
+            for faces, x, n in zip(map(true_faces, bodies), own.points, normals, strict=True)
+        )  # fmt: skip
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
         """Return where true faces meet after the least motion near one after which the parts touch."""
@@ -327,7 +323,7 @@ def points_of_true_faces(
         if touching and not (current.transform is not None and current.amount <= touching[0] + JUMP * slack):
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
-            asked.add_nearest(np.eye(4), current.pair_gap)  # the gap that is told is that as drawn
+            asked.add_nearest(np.eye(4), current.pair_gap)  # of the parts as drawn
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
         if cleared and refused(current):
             return points

@@ -182,8 +182,8 @@ def range_texts(coherent: CoherentRange) -> list[str]:
     features = [*coherent.features, *(feature for event in coherent.events for feature in event.successors)]
     sides = [(problem.movable, own.one) for own in features] + [(problem.static, own.two) for own in features]
     if not all(is_plane_there(body, element) for body, element in sides):
-        why = known_to(problem.movable, [problem.static], problem.unit)
-        told += [f"round faces are followed as facets; {line}" for line in why]
+        near = known_to(problem.movable, [problem.static], problem.unit)
+        return [*told, *(f"round faces are followed as facets; {line}" for line in near)]
     return told
 
 
