@@ -180,11 +180,10 @@ def range_texts(coherent: CoherentRange) -> list[str]:
             what = f"{steps}{'; there,' if event.x else ':'} {event.what}"
         told.append(f"{side}: {what}")
     features = [*coherent.features, *(feature for event in coherent.events for feature in event.successors)]
-    sides = [(problem.movable, own.one) for own in features] + [(problem.static, own.two) for own in features]
-    if not all(is_plane_there(body, element) for body, element in sides):
-        near = known_to(problem.movable, [problem.static], problem.unit)
-        return [*told, *(f"round faces are followed as facets; {line}" for line in near)]
-    return told
+    one, two = problem.movable, problem.static
+    plane = all(is_plane_there(one, own.one) and is_plane_there(two, own.two) for own in features)
+    why = [] if plane else known_to(one, [two], problem.unit)
+    return [*told, *(f"round faces are followed as facets; {line}" for line in why)]
 
 
 def shared_range_texts(found: AssemblyRange) -> list[str]:
