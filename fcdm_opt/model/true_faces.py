@@ -106,8 +106,8 @@ class Exchange:
 
     def add_nearest(self, transform: Array, gap: float) -> None:
         """Make the parts exact where true faces are nearest after a motion that leaves facets a gap."""
-        near = self.nearest(transform, gap - self.need)[:1]
-        self.add([own for own in near if not self.has(own)])
+        near = [own for own in self.nearest(transform, gap - self.need) if len(own.points) == len(self.points)]
+        self.add([own for own in near[:1] if not self.has(own)])
 
     def with_points(self, found: Sequence[NearestPoints]) -> Points:
         """Return the points of each part with these."""
@@ -128,12 +128,21 @@ class Exchange:
         near = self._sorted(transform, self._slack)
         least = min((own.gap for own in near), default=0.0)
         found = [own for own in near if own.gap <= max(TIGHT * self._slack, -SEVERAL * least)]
-        own = max(found, key=moved, default=None)
+        own = max((own for own in found if not self._is_flush(own, transform)), key=moved, default=None)
         if own is None or self.has(own):
             return []
         half, (one, two) = max(-own.gap, 0.0) / 2.0 * own.normal, self.facets.target.tolist()
         within = np.array([-half @ transform[:3, :3] / one, half / two])
         return [own._replace(points=own.points + within[: len(own.points)])]
+
+    def _is_flush(self, own: NearestPoints, transform: Array) -> bool:
+        """Tell whether plane faces meet there, as at the rim of a lid: parts within the true ones have these too."""
+        bodies, normals = (self.facets.movable, self.facets.static), (own.normal @ transform[:3, :3], -own.normal)
+        return len(own.points) == len(self.points) and all(
+            any(not faces.is_round[k] and faces.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal
+                for k in faces.at(x))
+            for faces, x, n in zip(map(true_faces, bodies), own.points, normals, strict=True)
+        )  # fmt: skip
 
     def nearer(self, found: Solution) -> list[NearestPoints]:
         """Return where true faces meet after the least motion near one after which the parts touch."""
@@ -314,6 +323,7 @@ def points_of_true_faces(
         if touching and not (current.transform is not None and current.amount <= touching[0] + JUMP * slack):
             return touching[1]
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
+            asked.add_nearest(np.eye(4), current.pair_gap)  # of the parts as drawn
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
         if cleared and refused(current):
             return points

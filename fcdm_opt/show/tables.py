@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.design.sizes import beyond_tolerances
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 
 OPTIONAL = ("published\namount", 'least\n"touch"')
 NUMBERS = (*OPTIONAL, "found\namount", "proved\nat least", "new/old\nsizes")
-SHARES = ("build", "solve", "prove", "verify", "check")  # of the time that a case takes
+SHARES = ("build", "solve", "prove", "verify", "check", "advise")  # of the time that a case takes
 CUT = ", exactly the solid"  # what a note on a body says first
 LONGEST_VALUE = 40  # letters of a value that was changed, which are shown
 MOST_MET = 6  # contacts of a switching point that are listed: round faces meet in many
@@ -121,13 +122,16 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     said: dict[str, list[str]] = {}  # notes, and the cases that they are of
+    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     for row in rows:
         solution = row.solution
         notes = remarks(solution)
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
+            start = perf_counter()
             notes = [f"{texts.advised(row)}{failed_text(solution)}", *notes]
+            stages["advise"] += perf_counter() - start  # by other questions, of what is impossible
         if cause := solution.left_by_mesh.partition(": ")[2]:  # the same of many cases
             notes.append(f"what true parts need is left open: {cause}")
         for text in notes:
@@ -141,7 +145,6 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
             continue
         head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
         print_text(f"{head}{exactly}", indent="   ")
-    stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     total = sum(stages.values())
     shares = ", ".join(f"{name} {1e3 * t:.0f} ms ({t / total:.0%})" for name, t in stages.items() if total and t)
     console().print(f"time of {len(rows)} case{'s' * (len(rows) > 1)}, parts read: {shares or 'not measured'}\n")

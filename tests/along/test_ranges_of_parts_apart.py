@@ -72,3 +72,22 @@ def test_round_parts_that_touch_between_their_facets_were_said_to_be_apart():
     assert fo.solve(asked).amount == 0.0
     with pytest.raises(fo.InputError, match="the parts touch on their true faces"):
         fo.coherent_range(asked)
+
+
+@pytest.mark.parametrize("round_one", [True, False])
+def test_where_facets_end_a_contact_was_told_as_where_round_faces_do(round_one: bool):
+    """A peg with .03 of play on the floor of its pocket: facets meet elsewhere, of which nothing was said."""
+    low, high = (5.0, 10.0, (0, 0, 0)), (5.03, 20.0, (0, 0, 0))
+    peg, hole = (
+        fo.Cylinder(radius, height, base=base, facets=20)
+        if round_one
+        else fo.Box((2 * radius, 2 * radius, height), centre=(0, 0, height / 2))
+        for radius, height, base in (low, high)
+    )
+    pocket = fo.cut(fo.Box((30, 30, 20), centre=(0, 0, 0)), hole)
+    along = fo.Translation((0.988, (1 - 0.988**2) ** 0.5, 0)) if round_one else X  # between two corners
+    problem = fo.Problem(peg, pocket, motion=along, goal="touch", target=(1, 1))
+    found, free = fo.coherent_range(problem), fo.contact_times(problem).free
+    assert free == pytest.approx((-0.03, 0.03), rel=1e-6)
+    assert (found.high != pytest.approx(0.03, rel=1e-3)) == round_one
+    assert ("followed as facets" in str(found)) == round_one

@@ -289,3 +289,20 @@ def test_a_flat_of_a_bore_that_goes_on_as_a_cut_had_no_share_in_the_amount(more:
         assert found.sensitivity.sizes == pytest.approx({"wall": -1.0, "side": 1.0}, abs=1e-9)
         changed = fo.whatif(found, made={"wall": -0.019, "side": 0.02})
         assert [changed.predicted_amount, changed.after.amount] == pytest.approx([0.014, 0.014], abs=1e-9)
+
+
+def test_a_round_cover_on_its_base_had_no_derivative_by_the_place_of_a_tab() -> None:
+    """As the tab goes so does the cover, by .01 less than what they have of play; points of the rims only slide."""
+    tab, base = (fo.Box((20, 8, 8), centre=(0, 0, 4)), fo.Cylinder(20, 10, base=(0, 0, -10)))
+    cover = fo.cut(fo.Cylinder(20, 8, base=(0, 0, 0)), fo.Box((22, 8.3, 18), centre=(0, 0, 4)), name="cover")
+    sides = [{"through": (0, 4, 4)}, {"through": (0, -4, 4)}]
+    place = fo.Size("place", "static", faces=sides, along="y", tolerance=0.3)
+    asked = {"goal": "clear", "motion": X >> Y, "limits": {"TX": (-0.5, 0.5), "TY": (-0.5, 0.5)}}
+    solution = fo.solve(
+        fo.Problem(cover, fo.joined(base, tab, name="base"), sizes=[place], made={"place": 0.2}, **asked)
+    )
+    told = solution.sensitivity
+    assert solution.usable
+    assert solution.amount == pytest.approx(0.05, rel=1e-9)
+    assert told.sizes == {"place": pytest.approx(1.0, rel=1e-9)}
+    assert told.motion_by_size["place"] == pytest.approx([0.0, 1.0], abs=1e-9)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache, reduce
 from operator import rshift
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import trimesh
 from manifold3d import Manifold
 
 import fcdm_opt as fo
-from fcdm_opt import pacing
+from fcdm_opt import pacing, solver
 from fcdm_opt.curve.true_sizes import SizedFaces
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.geometry.exact_points import exact_at
@@ -1107,6 +1108,28 @@ def test_a_clearance_that_a_bore_does_not_leave_was_told_to_be_open_on_true_face
     solution = fo.solve(asked(pin(4.98, facets=96), plate(5.0, wide=12.0), X >> Y, goal="clear", clearance=0.021))
     assert solution.status.name == "OUTSIDE_FIT"
     assert solution.doubt == ""
+
+
+@pytest.mark.parametrize("kept_out", [False, True])
+def test_the_gap_told_of_a_clearance_that_no_motion_leaves_was_that_to_facets(
+    monkeypatch: pytest.MonkeyPatch, kept_out: bool
+) -> None:
+    """A pin of 4.98 in a bore of 5 has .02 of play, whatever clearance is asked; .04398 to the pin's facets."""
+    block = fo.KeepOut(fo.Box((1, 1, 1), centre=(20.505, 0, 10)), clearance=0.01, name="block")  # .005 off the plate
+    problem = asked(plate(5.0), pin(4.98), fo.Rotation("z", "origin"), goal="clear", clearance=0.3)
+    spent, looked = list[float](), solver.points_of_true_faces
+
+    def watched(*about):
+        start = perf_counter()
+        points = looked(*about)
+        spent.append(perf_counter() - start)
+        return points
+
+    monkeypatch.setattr(solver, "points_of_true_faces", watched)
+    found = fo.solve(problem.changed(limits={"RZ": (0, 0.1)}, keep_out=(block,) * kept_out))
+    assert (found.status, found.pair_state) == (fo.Status.INFEASIBLE, "apart")
+    assert found.pair_gap == pytest.approx(0.02, rel=1e-9)
+    assert sum(found.seconds.values()) >= sum(spent) > 0.0  # this time was in no place
 
 
 def test_a_disc_flush_on_another_was_inside_it_between_a_chord_and_its_rim() -> None:
