@@ -495,7 +495,7 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
         near = _near(points, of, own, other, band, both=both)
         keys, which = np.unique(np.column_stack([of[near[:, 0]], near[:, 1]]), axis=0, return_inverse=True)
         pieces = [points[near[which.reshape(-1) == k, 0]] for k in range(len(keys))]
-        starts = [_starts(each, other.patches[key[-1]]) for each, key in zip(pieces, keys.tolist(), strict=True)]
+        starts = [_starts(each, other, key[-1]) for each, key in zip(pieces, keys.tolist(), strict=True)]
         patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
         extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
         for (*on, against), x in zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True):
@@ -504,11 +504,16 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
                 yield found
 
 
-def _starts(pieces: Array, patch: Patch) -> Array:
+def _starts(pieces: Array, other: _Placed, against: int) -> Array:
     """Return places on pieces of a feature from which its nearest points to a patch are looked for."""
     start = pieces.mean(axis=1)
+    if pieces.shape[1] == 2:  # in the middle of what of an edge is over the patch: along a straight one gaps are alike
+        along = pieces[:, 1] - pieces[:, 0]
+        off = other.corners[other.faces.owners == against].reshape(-1, 1, 3) - pieces[:, 0]
+        shares = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        start = pieces[:, 0] + (shares.min(axis=0) + shares.max(axis=0))[:, None] / 2.0 * along
     if len(start) > STARTS:  # the nearest, and some everywhere
-        order = np.argsort(patch.gaps(start)[0], kind="stable")
+        order = np.argsort(other.patches[against].gaps(start)[0], kind="stable")
         spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
         start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
     return start

@@ -132,6 +132,27 @@ def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
     assert not goes_through(larger.problem, tuple(larger.parameters.values()))
 
 
+@pytest.mark.parametrize(("angle", "ends"), [(30.0, (0, 10)), (15.0, (-30, 60)), (60.0, (0, 10)), (60.0, (1, 30))])
+@pytest.mark.parametrize("goal", ["clear", "touch"])
+def test_a_sharp_edge_went_deeper_into_a_trough_than_facets_leave_it_and_was_not_seen(
+    angle: float, ends: tuple[int, int], goal: str
+) -> None:
+    # a round trough of radius 3 that walls go up from, sharply: a narrow wedge ends at the trough, a wide one at the
+    # edges of its mouth, (3, 6) and (6, 3)
+    spaces = fo.Cylinder(3, 30, base=(3, 3, -15), facets=16), fo.Box((20, 20, 30), centre=(13, 13, 0))
+    trough = fo.cut(fo.Box((20, 20, 20), centre=(7, 7, 0)), *spaces, name="trough")
+    low, high = (math.radians(45.0 + side * angle / 2.0) for side in (-1, 1))
+    outline = [(0.35, 0.25), *((0.35 + 8 * math.cos(x), 0.25 + 8 * math.sin(x)) for x in (low, high))]
+    pose = np.eye(4)
+    pose[2, 3] = ends[0] - fo.Prism(outline, ends[1] - ends[0]).vertices[:, 2].min()
+    wedge = fo.Prism(outline, ends[1] - ends[0], name="wedge").moved(pose)
+    solution = usable(asked(wedge, trough, fo.Translation("x") >> fo.Translation("y"), goal=goal))
+    apex = (3 * math.sin(high) - 6 * math.cos(high)) / (math.sin(high) - math.cos(high))
+    by_hand = math.hypot(2.65, 2.75) - 3 if angle < 45.0 else math.hypot(apex - 0.35, apex - 0.25)
+    assert solution.amount == pytest.approx(by_hand, abs=1e-9)
+    assert solution.amount_low == pytest.approx(by_hand, abs=1e-9)
+
+
 @pytest.mark.parametrize(("half", "off"), [(30.0, -0.05), (60.0, 0.1)])
 def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> None:
     """Of radius r its axis is r / sin(half the angle) above the corner."""
