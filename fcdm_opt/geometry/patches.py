@@ -268,16 +268,15 @@ class TrueFaces:
                 found[row].append(k)
         return found
 
-    def is_symmetric_about(self, point: Array, axis: Array) -> bool:
-        """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
-        near = self.slack
+    def of_revolution(self, point: Array, axis: Array) -> Flags:
+        """Tell which surfaces of the patches any turn about an axis, a unit vector, through a point leaves, (p,)."""
+        near, found = self.slack, list[bool]()
         for surface in (own.surface for own in self.patches):
             off = surface.origin - point
             centred = surface.flat or norms(off - (off @ axis) * axis) <= near
             aligned = norms(cross(surface.axis, axis)) * self.body.size <= near
-            if not (centred and (aligned or (surface.line is None and not surface.ring))):
-                return False
-        return True
+            found.append(bool(centred and (aligned or (surface.line is None and not surface.ring))))
+        return np.array(found)
 
     def room(self, near: Sequence[int], point: Array, *, concave: bool = True) -> float:
         """Return how far true edges are from a point of some patches, but for those between two of these.

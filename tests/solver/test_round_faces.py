@@ -307,6 +307,25 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
 
 
+@pytest.mark.parametrize("play", [0.02, 0.002])
+@pytest.mark.parametrize("stop", ["post", "key"])
+def test_a_lever_turns_about_its_own_pivot_however_little_play_it_has(play: float, stop: str) -> None:
+    # faces of revolution about the axis stay where they are: it turns until it meets a post, or its key a keyway
+    base = fo.joined(fo.Box((60, 60, 5), centre=(0, 0, -2.5 - play)), fo.Cylinder(5 - play, 30, base=(0, 0, -3)))
+    lever = fo.cut(fo.Box((30, 30, 8), centre=(0, 0, 4)), fo.Cylinder(5, 20, base=(0, 0, -5)))
+    if stop == "post":  # its corner (15.5, 5) meets the side x = 15
+        base = fo.joined(base, fo.Box((5, 5, 20), centre=(18, 2.5, 5)))
+        angle = math.acos(15 / math.hypot(15.5, 5)) - math.atan2(5, 15.5)
+    else:  # the key's corner (6, 1) meets the keyway's side y = 2
+        base = fo.joined(base, fo.Box((6, 2, 20), centre=(3, 0, 5)))
+        lever = fo.cut(lever, fo.Box((7, 4, 20), centre=(3.5, 0, 4)))
+        angle = math.asin(2 / math.hypot(6, 1)) - math.atan2(1, 6)
+    solution = usable(asked(lever, base, fo.Rotation("z", "origin"), limits={"RZ": (-0.5, 0.5)}))
+    assert abs(solution.parameters["RZ"]) == pytest.approx(angle, abs=1e-9)
+    assert solution.amount * (1.0 - 1e-4) <= solution.amount_low <= solution.amount
+    assert solution.amount_high == pytest.approx(solution.amount, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("axes", "limits", "shift"),
     [
