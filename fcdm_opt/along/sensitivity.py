@@ -328,7 +328,7 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         moved, amounts, missing = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
         if problem.exact_at is not None and problem.amount == "weighted":
             faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
-            still = [3 + k for k in range(3) if faces.is_symmetric_about(seed, np.eye(3)[k])]
+            still = [3 + k for k in range(3) if faces.of_revolution(seed, np.eye(3)[k]).all()]
             moved[still] = 0.0
             missing = tuple("" if k in still else why for k, why in enumerate(missing))
         names = [f"{verb} {axis}" for verb in ("shifted along", "turned about") for axis in "xyz"]

@@ -261,16 +261,15 @@ class TrueFaces:
                 found[row].append(k)
         return found
 
-    def is_symmetric_about(self, point: Array, axis: Array) -> bool:
-        """Tell whether any turn about an axis through a point makes the body itself: all faces are of revolution."""
-        near = self.slack
+    def of_revolution(self, point: Array, axis: Array) -> Flags:
+        """Tell which surfaces of the patches any turn about an axis, a unit vector, through a point leaves, (p,)."""
+        near, found = self.slack, list[bool]()
         for surface in (own.surface for own in self.patches):
             off = surface.origin - point
             centred = surface.flat or norms(off - (off @ axis) * axis) <= near
             aligned = norms(cross(surface.axis, axis)) * self.body.size <= near
-            if not (centred and (aligned or (surface.line is None and not surface.ring))):
-                return False
-        return True
+            found.append(bool(centred and (aligned or (surface.line is None and not surface.ring))))
+        return np.array(found)
 
     def room(self, near: Sequence[int], point: Array, *, concave: bool = True) -> float:
         """Return how far true edges are from a point of some patches, but for those between two of these.
@@ -488,7 +487,7 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
         near = _near(points, of, own, other, band, both=both)
         keys, which = np.unique(np.column_stack([of[near[:, 0]], near[:, 1]]), axis=0, return_inverse=True)
         pieces = [points[near[which.reshape(-1) == k, 0]] for k in range(len(keys))]
-        starts = [_starts(each, other.patches[key[-1]]) for each, key in zip(pieces, keys.tolist(), strict=True)]
+        starts = [_starts(each, other, key[-1]) for each, key in zip(pieces, keys.tolist(), strict=True)]
         patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
         extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
         for (*on, against), x in zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True):
@@ -497,11 +496,16 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
                 yield found
 
 
-def _starts(pieces: Array, patch: Patch) -> Array:
+def _starts(pieces: Array, other: _Placed, against: int) -> Array:
     """Return places on pieces of a feature from which its nearest points to a patch are looked for."""
     start = pieces.mean(axis=1)
+    if pieces.shape[1] == 2:  # in the middle of what of an edge is over the patch: along a straight one gaps are alike
+        along = pieces[:, 1] - pieces[:, 0]
+        off = other.corners[other.faces.owners == against].reshape(-1, 1, 3) - pieces[:, 0]
+        shares = np.clip((off * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        start = pieces[:, 0] + (shares.min(axis=0) + shares.max(axis=0))[:, None] / 2.0 * along
     if len(start) > STARTS:  # the nearest, and some everywhere
-        order = np.argsort(patch.gaps(start)[0], kind="stable")
+        order = np.argsort(other.patches[against].gaps(start)[0], kind="stable")
         spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
         start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
     return start

@@ -233,35 +233,45 @@ class PoseDerivatives(NamedTuple):
 
 
 class FacesApart:
-    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all."""
+    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all.
+
+    `axis`: a point and a unit vector, (2, 3), of the line that `least` is asked about turns of body 1 about, if so.
+    """
 
     remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
-    def __init__(self, faces: Sequence[TrueFaces], most: int = MOST) -> None:
-        self._faces = faces
+    def __init__(self, faces: Sequence[TrueFaces], most: int = MOST, axis: Array | None = None) -> None:
+        self._faces, self._axis = faces, axis
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
         self.remaining = most
         self._concave = [np.array([patch.concave for patch in own.patches]) for own in faces]
         self._axes = [np.array([patch.surface.axis for patch in own.patches]) for own in faces]
+        self._turned = [own.of_revolution(*axis) if axis is not None else np.zeros(0, bool) for own in faces]
 
-    def least(self, transform: Array, *, small: float = 0.0) -> float:
-        """Return what their distance is at least, 0 where none is shown.
+    def least(self, transform: Array, *, small: float = 0.0, most: float = np.inf) -> float:
+        """Return what their distance is at least, up to `most`, 0 where none is shown.
 
-        It falls short of the distance by a fifth of it at most, or by `small`.
+        It falls short of the distance by a fifth of it at most, or by `small`. Where body 1 turns about an axis, it is
+        that of pieces that may ever meet.
 
         Parameters
         ----------
         transform : (4, 4) array
             Pose change of body 1.
         """
-        upper = np.inf
+        upper = most
         for level in range(LEVELS):
             one = self._pieces[0].corners @ transform[:3, :3].T + transform[:3, 3]
             two, errors = self._pieces[1].corners, [own.errors for own in self._pieces]
             if not level:
-                upper = _no_farther(one, two, errors, self._nearest)
+                if self._axis is None or len(self._nearest):
+                    upper = min(upper, _no_farther(one, two, errors, self._nearest))
                 self._nearest = _near(one, two, errors, upper)
+            if self._axis is not None:
+                self._nearest = self._nearest[self._may_meet(self._nearest)]
+            if not len(self._nearest):
+                return upper
             i, j = self._nearest.T
             self.remaining -= len(i)
             if self.remaining < 0:
@@ -271,11 +281,23 @@ class FacesApart:
             upper, low = min(upper, _no_more(one, two, errors, self._nearest[some])), float(lows.min())
             near = (lows < (1.0 - SHARE) * upper) & (lows < upper - small)
             if not near.any():
-                return max(low, 0.0)
+                return max(min(low, upper), 0.0)
             pairs = self._nearest[near]
             self._nearest = self._nearest[near | (lows <= upper)]
             self._cut(pairs, small, np.zeros((2, len(pairs)), bool))
         return 0.0
+
+    def _may_meet(self, pairs: Ints) -> Flags:
+        """Tell which pairs of pieces may meet in turns about the axis, (m,)."""
+        # none where one is in a bore about the axis, or higher along it: turns leave both as they are
+        assert self._axis is not None
+        still, ends = PoseDerivatives(np.zeros((1, 3, 4)), np.zeros((1, 1, 3, 4))), list[Array]()
+        for k, own in enumerate(self._pieces):
+            off = np.where(self._turned[k][own.patches], own.axial, own.errors)
+            heights = own.corners @ self._axis[1]
+            ends.append(np.array([heights.min(axis=1) - off, heights.max(axis=1) + off])[:, pairs[:, k]])
+        level = (ends[0][0] <= ends[1][1]) & (ends[1][0] <= ends[0][1])
+        return np.asarray(level & ~self._stay_within(pairs, still, 0.0)[0].any(axis=0))
 
     def _missed(self, pairs: Ints, transform: Array = IDENTITY) -> Array:
         """Return what pieces leave their triangles by: (2, m, 5), at most, along an axis, and that axis."""
@@ -332,7 +354,8 @@ class FacesApart:
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
             moves = rates if not k else rates._replace(first=-rates.first)  # as seen from body 1
-            for patch in np.flatnonzero(self._concave[1 - k]).tolist():
+            concave = self._concave[1 - k]
+            for patch in np.flatnonzero(concave if self._axis is None else concave & self._turned[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)

@@ -364,15 +364,16 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
     twice = pose(end / 2.0) @ pose(end / 2.0)
     if np.abs(twice - pose(end)).max() > STRAIGHT * problem.size or np.abs(pose(0.0) - np.eye(4)).max() > 0.0:
         return None
-    step = DIFFERENCE * end
-    rate = (pose(step) - pose(-step)) / (2.0 * step)
-    speeds = norms(bodies[0].vertices @ rate[:3, :3].T + rate[:3, 3])
-    speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:3, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
-    found, near, whole = end, NEAR * end, True
+    rate = problem.motion.kinematics(bodies[0].seed, bodies[1].seed).rates(np.zeros(1))[1][0, :3]
+    speeds = norms(bodies[0].vertices @ rate[:, :3].T + rate[:, 3])
+    speed = (1.0 + MARGIN) * (speeds.max() + norms(rate[:, :3]).max() * np.sqrt(3.0) * deviation_of(bodies[0])[1])
+    found, near, whole, axis = end, NEAR * end, True, _axis_of(rate, problem.size)
     for side, limit in ((1.0, high), (-1.0, -low)):
-        apart, x = FacesApart(faces, pairs), 0.0
+        apart, x = FacesApart(faces, pairs, axis), 0.0
         for _ in range(STEPS):
-            free = apart.least(pose(side * x), small=SLOW * near * speed) if x < min(end - near, limit) else 0.0
+            if x >= min(end - near, limit):
+                break
+            free = apart.least(pose(side * x), small=SLOW * near * speed, most=(end - x) * speed)
             if not free > 0.0:
                 break
             x += free / speed
@@ -381,6 +382,15 @@ def apart_until(problem: Problem, amount: float, *, longer: bool = False) -> tup
         if not found > 0.0:
             return None
     return min(found * float(problem.weights[0]), amount), whole
+
+
+def _axis_of(rate: Array, size: float) -> Array | None:
+    """Return a point and the direction of the axis that a motion of a rate, (3, 4), turns about, (2, 3), if any."""
+    spin, speed = np.array([rate[2, 1], rate[0, 2], rate[1, 0]]), rate[:, 3]
+    turned = float(np.linalg.norm(spin))
+    if not turned or abs(float(spin @ speed)) > DEFAULT.tie * size * turned**2:
+        return None
+    return np.stack([np.cross(spin, speed) / turned**2, spin / turned])
 
 
 def _rates(problem: Problem, bodies: list[Body]) -> PoseDerivatives | None:

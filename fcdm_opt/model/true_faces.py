@@ -35,6 +35,7 @@ SEVERAL = 8  # points at a time
 TIGHT = 0.003  # of what counts as touching: by so much true faces may overlap
 JUMP = 1e4  # times what counts as touching: by more the next motion is another one, as line to line nothing else fits
 FAR = 0.05  # of the size: nearer points of a time are one
+DEEPER = 4.0  # times what facets leave: so deep sharp edges enter between parts of a body within the true one
 STEPS = 30  # of a search for a smaller motion after which true faces touch
 NEWTON_STEPS = 8  # to the least motion on true faces
 SLOW = 0.9  # of an overlap that a round leaves: where it is more, where the next ones lead to is not foreseen
@@ -272,7 +273,7 @@ def where_nearest(
 ) -> list[NearestPoints]:
     """Return where two bodies at scales are nearest on their true faces, up to a distance, where a round one is."""
     band = apart + DEFAULT.snap * max(movable.size, static.size)
-    band += sum(scale * sum(deviation_of(body)) for scale, body in zip(scales, (movable, static), strict=True))
+    band += DEEPER * sum(x * sum(deviation_of(body)) for x, body in zip(scales, (movable, static), strict=True))
     return nearest_on_faces([true_faces(movable), true_faces(static)], scales, transform, band)
 
 

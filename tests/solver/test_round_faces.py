@@ -133,6 +133,27 @@ def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
     assert not goes_through(larger.problem, tuple(larger.parameters.values()))
 
 
+@pytest.mark.parametrize(("angle", "ends"), [(30.0, (0, 10)), (15.0, (-30, 60)), (60.0, (0, 10)), (60.0, (1, 30))])
+@pytest.mark.parametrize("goal", ["clear", "touch"])
+def test_a_sharp_edge_went_deeper_into_a_trough_than_facets_leave_it_and_was_not_seen(
+    angle: float, ends: tuple[int, int], goal: str
+) -> None:
+    # a round trough of radius 3 that walls go up from, sharply: a narrow wedge ends at the trough, a wide one at the
+    # edges of its mouth, (3, 6) and (6, 3)
+    spaces = fo.Cylinder(3, 30, base=(3, 3, -15), facets=16), fo.Box((20, 20, 30), centre=(13, 13, 0))
+    trough = fo.cut(fo.Box((20, 20, 20), centre=(7, 7, 0)), *spaces, name="trough")
+    low, high = (math.radians(45.0 + side * angle / 2.0) for side in (-1, 1))
+    outline = [(0.35, 0.25), *((0.35 + 8 * math.cos(x), 0.25 + 8 * math.sin(x)) for x in (low, high))]
+    pose = np.eye(4)
+    pose[2, 3] = ends[0] - fo.Prism(outline, ends[1] - ends[0]).vertices[:, 2].min()
+    wedge = fo.Prism(outline, ends[1] - ends[0], name="wedge").moved(pose)
+    solution = usable(asked(wedge, trough, fo.Translation("x") >> fo.Translation("y"), goal=goal))
+    apex = (3 * math.sin(high) - 6 * math.cos(high)) / (math.sin(high) - math.cos(high))
+    by_hand = math.hypot(2.65, 2.75) - 3 if angle < 45.0 else math.hypot(apex - 0.35, apex - 0.25)
+    assert solution.amount == pytest.approx(by_hand, abs=1e-9)
+    assert solution.amount_low == pytest.approx(by_hand, abs=1e-9)
+
+
 @pytest.mark.parametrize(("half", "off"), [(30.0, -0.05), (60.0, 0.1)])
 def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> None:
     """Of radius r its axis is r / sin(half the angle) above the corner."""
@@ -285,6 +306,25 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     rates = PoseDerivatives(first, np.zeros((len(shifts), *first.shape)))
     apart = FacesApart(faces, 10_000)
     assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
+
+
+@pytest.mark.parametrize("play", [0.02, 0.002])
+@pytest.mark.parametrize("stop", ["post", "key"])
+def test_a_lever_turns_about_its_own_pivot_however_little_play_it_has(play: float, stop: str) -> None:
+    # faces of revolution about the axis stay where they are: it turns until it meets a post, or its key a keyway
+    base = fo.joined(fo.Box((60, 60, 5), centre=(0, 0, -2.5 - play)), fo.Cylinder(5 - play, 30, base=(0, 0, -3)))
+    lever = fo.cut(fo.Box((30, 30, 8), centre=(0, 0, 4)), fo.Cylinder(5, 20, base=(0, 0, -5)))
+    if stop == "post":  # its corner (15.5, 5) meets the side x = 15
+        base = fo.joined(base, fo.Box((5, 5, 20), centre=(18, 2.5, 5)))
+        angle = math.acos(15 / math.hypot(15.5, 5)) - math.atan2(5, 15.5)
+    else:  # the key's corner (6, 1) meets the keyway's side y = 2
+        base = fo.joined(base, fo.Box((6, 2, 20), centre=(3, 0, 5)))
+        lever = fo.cut(lever, fo.Box((7, 4, 20), centre=(3.5, 0, 4)))
+        angle = math.asin(2 / math.hypot(6, 1)) - math.atan2(1, 6)
+    solution = usable(asked(lever, base, fo.Rotation("z", "origin"), limits={"RZ": (-0.5, 0.5)}))
+    assert abs(solution.parameters["RZ"]) == pytest.approx(angle, abs=1e-9)
+    assert solution.amount * (1.0 - 1e-4) <= solution.amount_low <= solution.amount
+    assert solution.amount_high == pytest.approx(solution.amount, rel=1e-9)
 
 
 @pytest.mark.parametrize(
