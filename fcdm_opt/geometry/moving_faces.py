@@ -101,7 +101,7 @@ def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
         for surface, move in _followed(body, offsets[:, k]).items():
             rows = list(round_surfaces(body)[surface][1])
             if not move[4]:
-                offsets[rows, k] = body.face_planes[0][rows] @ move[1:4]
+                offsets[rows, k] = move[0] + body.face_planes[0][rows] @ move[1:4]
     return offsets
 
 
@@ -139,7 +139,7 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`."""
-    # those that can, with their radius kept, of at least two others; no more than so many in a row
+    # those that can, of at least two others, with their radius kept where that does; no more than so many in a row
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
@@ -158,14 +158,17 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
                     wanted.append(float(offsets[own.other]))
                 else:
                     wanted.append(float(move[0] + own.normal @ (move[1:4] + move[4] * own.other_across)))
-                unknowns.append(np.append(own.normal, own.normal @ own.across if rounds[k][0].ring else 0.0))
+                ring = own.normal @ own.across if rounds[k][0].ring else 0.0
+                unknowns.append(np.array([1.0, *own.normal, ring]))
             columns, speeds = np.array(unknowns), np.array(wanted)
             if not speeds.any():
                 continue
-            answer = np.asarray(np.linalg.lstsq(columns, speeds, rcond=DEFAULT.nominal)[0], float)
-            answer[np.abs(answer) <= DEFAULT.nominal * np.abs(speeds).max()] = 0.0
-            if np.abs(columns @ answer - speeds).max() <= DEFAULT.snap * np.abs(speeds).max():
-                found[k] = np.append(0.0, answer)
+            least = DEFAULT.snap * np.abs(speeds).max()
+            for free in ([0.0, 1.0, 1.0, 1.0, 1.0], np.ones(5)):
+                answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
+                if np.abs(columns * free @ answer - speeds).max() <= least:
+                    found[k] = np.where(np.abs(answer) <= least, 0.0, answer)
+                    break
         if before.keys() == found.keys() and all(np.array_equal(before[k], found[k]) for k in found):
             break
     return found
