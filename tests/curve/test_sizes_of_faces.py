@@ -665,6 +665,41 @@ def test_a_fillet_stayed_where_it_was_when_the_shaft_that_it_ends_got_thinner() 
     assert solution.sensitivity.sizes["diameter"] == pytest.approx(-0.5, rel=1e-6)
 
 
+def feather(width: float, name: str) -> list[fo.Body]:
+    """What a feather key of form A is joined of: a box, and two cylinders that end it."""
+    ends = [fo.Cylinder(width / 2.0, 7.0, base=(x, 0, -3.5), facets=16) for x in (-16, 16)]
+    return [fo.Box((32, width, 7), name=name), *ends]
+
+
+@pytest.mark.parametrize("width", [-0.036, 0.036])
+def test_the_ends_of_a_feather_key_stayed_as_wide_when_its_flats_moved(width: float) -> None:
+    """They are tangent to both flats: their radius goes with them, in a pocket too, whose gap is half of both."""
+    key = fo.joined(*feather(8.0, "key"), name="key")
+    pocket = fo.cut(fo.Box((60, 24, 6)), *feather(8.06, "room"), name="pocket")
+    walls = [{"through": (0, y, 0)} for y in (-4.03, 4.03)]
+    sizes = [
+        fo.Size("b", "movable", faces=["+y", "-y"], each=0.5, tolerance=sorted([0.0, width])),
+        fo.Size("room", "static", faces=walls, each=-0.5, tolerance=(-0.01, 0.0)),
+    ]
+    problem = fo.Problem(key, pocket, sizes=sizes, made={"b": width, "room": -0.01}, motion=fo.Translation("y"))
+    for body, radius in ((problem.movable, 4.0 + width / 2.0), (problem.static, 4.025)):
+        for surface, _ in round_surfaces(body):
+            assert (abs(surface.origin[0]), surface.origin[1]) == pytest.approx((16.0, 0.0), abs=1e-9)
+            assert surface.radius == pytest.approx(radius, abs=1e-9)
+    assert np.abs(problem.movable.vertices[:, 0]).max() == pytest.approx(20.0 + width / 2.0, abs=1e-9)
+    assert fo.solve(problem).amount == pytest.approx(4.025 - (4.0 + width / 2.0), rel=1e-6)
+    worst = fo.stack_up(problem).worst()
+    assert worst.least == pytest.approx(4.025 - (4.0 + max(width, 0.0) / 2.0), rel=1e-6)
+    assert worst.largest == pytest.approx(4.03 - (4.0 + min(width, 0.0) / 2.0), rel=1e-6)
+
+
+def test_the_round_end_between_two_flats_goes_with_the_one_that_moves() -> None:
+    size = fo.Size("b", "movable", faces="+y")
+    made = resized(fo.joined(*feather(8.0, "key"), name="key"), {size: 0.036})
+    assert [surface.origin[1] for surface, _ in round_surfaces(made)] == pytest.approx([0.018, 0.018], abs=1e-9)
+    assert np.abs(made.vertices[:, 0]).max() == pytest.approx(20.018, abs=1e-9)
+
+
 def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:
     """Across the room that a face looks into, or through the material behind it: not to just any face of its kind."""
     rail = fo.cut(
