@@ -28,6 +28,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
+from fcdm_opt.geometry.moving_faces import between_planes
 from fcdm_opt.geometry.naming import ROUND, ROUND_KINDS, described_faces, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
@@ -437,13 +438,15 @@ def _moved(solution: Solution, unit: str) -> str:
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:
     """Return faces whose distance is a size, and can be one: their labels or name, its name, what it is, `each`.
 
-    The diameters of cylinders and bores, then `most` distances of material or room between plane faces that look
+    The diameters of cylinders and bores but for fillets and round ends, which follow faces, then `most` distances of material or room between plane faces that look
     opposite ways and lie over one another: first those of faces that are the nearest so to each other on their side,
     of material or of room, then the others, the largest first.
     """
     normals, points = body.face_planes
     names = names_of_rows(body)
-    round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
+    following = {names[row] for row in between_planes(body)}
+    names_once = [name for name in dict.fromkeys(names) if name not in following]
+    round_ones = [name for name in names_once if " radius " in name and " to " not in name]
     found, known = list[tuple[tuple[str, ...], str, str, float]](), set[tuple[int, ...]]()
 
     def offered(faces: tuple[str, ...], width: float, name: str, what: str, each: float = 0.5) -> bool:

@@ -203,6 +203,13 @@ def _tangencies(body: Body) -> dict[int, list[Tangency]]:
     return {k: those for k, those in found.items() if len(others[k]) > 1}
 
 
+def between_planes(body: Body) -> set[int]:
+    """Return the rows of the faces of fillets and round ends: of round faces that are tangent to two plane ones."""
+    planes = set(range(len(body.faces))) - {row for _, rows in round_surfaces(body) for row in rows}
+    found = (k for k, own in _tangencies(body).items() if len({each.other for each in own} & planes) > 1)
+    return {row for k in found for row in round_surfaces(body)[k][1]}
+
+
 def _moved_surface(body: Body, rows: Sequence[int], offsets: Array) -> Array | None:
     """Return by what length a round face is moved outward, how it is shifted besides, and 0, (5,); None else."""
     own, normals = offsets[list(rows)], body.face_planes[0][list(rows)]

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.drafting.draft import widths
 from fcdm_opt.geometry import elements
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes, resized
@@ -698,6 +699,15 @@ def test_the_round_end_between_two_flats_goes_with_the_one_that_moves() -> None:
     made = resized(fo.joined(*feather(8.0, "key"), name="key"), {size: 0.036})
     assert [surface.origin[1] for surface, _ in round_surfaces(made)] == pytest.approx([0.018, 0.018], abs=1e-9)
     assert np.abs(made.vertices[:, 0]).max() == pytest.approx(20.018, abs=1e-9)
+
+
+def test_the_ends_of_a_feather_key_were_offered_as_sizes_of_their_own() -> None:
+    """They go with the flats; a bore through the key goes with none."""
+    key = fo.cut(fo.joined(*feather(8.0, "key"), name="key"), fo.Cylinder(2.0, 9.0, base=(0, 0, -4.5), facets=16))
+    offered = {what.rsplit(",", 1)[0]: each for _, _, what, each in widths(key)}
+    assert offered == {
+        "diameter 4 of room": -0.5, "-y and +y, 8 of material": 0.5, "-z and +z, 7 of material": 0.5,
+    }  # fmt: skip
 
 
 def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:
