@@ -438,9 +438,9 @@ def _moved(solution: Solution, unit: str) -> str:
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:
     """Return faces whose distance is a size, and can be one: their labels or name, its name, what it is, `each`.
 
-    The diameters of cylinders and bores but for fillets and round ends, which follow faces, then `most` distances of material or room between plane faces that look
-    opposite ways and lie over one another: first those of faces that are the nearest so to each other on their side,
-    of material or of room, then the others, the largest first.
+    The diameters of cylinders and bores but for fillets and round ends, which follow faces, then `most` distances of
+    material or room between plane faces that look opposite ways and lie over one another: first those of faces that
+    are the nearest so to each other on their side, of material or of room, then the others, the largest first.
     """
     normals, points = body.face_planes
     names = names_of_rows(body)

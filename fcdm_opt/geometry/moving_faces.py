@@ -30,6 +30,7 @@ from fcdm_opt.geometry.tessellation import TANGENT, RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 CHAIN = 4  # fillets that follow one another, at most
+FACETS = 3  # of a fillet, at least so many tell a change of its radius from a shift
 
 
 class Tangency(NamedTuple):
@@ -138,8 +139,9 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
-    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`."""
-    # those that can, of at least two others, with their radius kept where that does; no more than so many in a row
+    """Return how round faces follow those that they are tangent to, as for `_moves`."""
+    # those that can, of at least two others, with their radius kept where that does; no more than so many in a row. Of
+    # those that move themselves fillets between planes alone, whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
@@ -148,8 +150,12 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     for _ in range(CHAIN):
         before = dict(found)
         for k, tangencies in _tangencies(body).items():
+            grows, own_move = 0.0, moves[k]
             if offsets[list(rounds[k][1])].any():
-                continue
+                lone = own_move is None or own_move[1:].any() or len(rounds[k][1]) < FACETS
+                if lone or any(each.other in surface_of for each in tangencies):
+                    continue
+                grows = float(own_move[0])
             wanted, unknowns = list[float](), list[Array]()
             for own in tangencies:
                 other = surface_of.get(own.other, -1)
@@ -160,14 +166,15 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
                     wanted.append(float(move[0] + own.normal @ (move[1:4] + move[4] * own.other_across)))
                 ring = own.normal @ own.across if rounds[k][0].ring else 0.0
                 unknowns.append(np.array([1.0, *own.normal, ring]))
-            columns, speeds = np.array(unknowns), np.array(wanted)
+            columns, speeds = np.array(unknowns), np.array(wanted) - grows
             if not speeds.any():
                 continue
             least = DEFAULT.snap * np.abs(speeds).max()
-            for free in ([0.0, 1.0, 1.0, 1.0, 1.0], np.ones(5)):
+            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 1 if grows else 2]:
                 answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
                 if np.abs(columns * free @ answer - speeds).max() <= least:
                     found[k] = np.where(np.abs(answer) <= least, 0.0, answer)
+                    found[k][0] += grows
                     break
         if before.keys() == found.keys() and all(np.array_equal(before[k], found[k]) for k in found):
             break

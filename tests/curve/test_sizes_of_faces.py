@@ -710,6 +710,24 @@ def test_the_ends_of_a_feather_key_were_offered_as_sizes_of_their_own() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("change", [-0.1, 0.1])
+def test_a_fillet_of_another_radius_was_not_tangent_to_its_planes(change: float) -> None:
+    """Its axis is as much further from both: a chamfer of 1 in the corner is stopped by (r - m)^2 + (r - 1 - m)^2."""
+    fillet = fo.cut(fo.Box((3, 3, 10), centre=(1.5, 1.5, 0)), fo.Cylinder(3.0, 12.0, base=(3, 3, -6), facets=64))
+    walls = [fo.Box((12, 2, 10), centre=(4, -1, 0)), fo.Box((2, 12, 10), centre=(-1, 4, 0))]
+    angle = fo.joined(fillet, *walls, name="angle")
+    profile = [(0, 1), (1, 0), (5, 0), (5, 5), (0, 5)]
+    block = fo.Body.convex([(x, y, z) for x, y in profile for z in (-4, 4)], name="block")
+    size = fo.Size("fil", "static", faces="bore radius 3", each=-1.0, tolerance=0.1)
+    motion = fo.Translation((1, 1, 0))
+    problem = fo.Problem(block, angle, sizes=[size], made={"fil": change}, goal="clear", motion=motion)
+    ((surface, _),) = round_surfaces(problem.static)
+    assert (surface.radius, *surface.origin[:2]) == pytest.approx([3.0 + change] * 3, abs=1e-9)
+    r = 3.0 + change
+    move = (2.0 * r - 1.0 - math.sqrt((2.0 * r - 1.0) ** 2 - 2.0 * (r - 1.0) ** 2)) / 2.0
+    assert fo.solve(problem).amount == pytest.approx(move * math.sqrt(2.0), rel=1e-6)
+
+
 def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:
     """Across the room that a face looks into, or through the material behind it: not to just any face of its kind."""
     rail = fo.cut(
