@@ -138,10 +138,8 @@ class TouchingSizes:
                     raise ChangedShapeError(**_beyond(moving, what, f"up to {100.0 * factor:.4g} % of them"))
                 parts[k] = part.with_all_corners()
                 if _is_lost(parts[k], low[own], high[own]):
-                    piece = "a piece that is cut off " * (len(moving.parts) > 1)
-                    raise InputError(
-                        **_beyond(moving, f"nothing may be left of {piece}body '{body.name}'", "smaller ones")
-                    )
+                    piece = "a piece that is cut off " * (len(moving.parts) > 1) + f"body '{body.name}'"
+                    raise InputError(**_beyond(moving, f"nothing may be left of {piece}", "smaller ones"))
             if reach[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
                 with placed(key="sizes.tolerance"):
                     moving.check(low[own], high[own])
@@ -461,8 +459,8 @@ def _beyond(moving: Resizing, what: str, allowed: str) -> dict[str, Any]:
     parted, line = moving.parted(), rounding_line((moving.body,))
     if parted:
         what, allowed = f"{what}: {parted}", f"{allowed}, or all of these faces in one size{line and f', or {line}'}"
-    found = [size.tolerance for size in moving.sizes]
-    return {"what": f"within these tolerances {what}", "key": "sizes.tolerance", "found": found, "allowed": allowed}
+    told = {"what": f"within these tolerances {what}", "key": "sizes.tolerance", "allowed": allowed}
+    return {**told, "found": [size.tolerance for size in moving.sizes]}
 
 
 def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:

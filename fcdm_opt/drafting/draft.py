@@ -445,8 +445,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     normals, points = body.face_planes
     names = names_of_rows(body)
     following = {names[row] for row in between_planes(body)}
-    names_once = [name for name in dict.fromkeys(names) if name not in following]
-    round_ones = [name for name in names_once if " radius " in name and " to " not in name]
+    round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
     found, known = list[tuple[tuple[str, ...], str, str, float]](), set[tuple[int, ...]]()
 
     def offered(faces: tuple[str, ...], width: float, name: str, what: str, each: float = 0.5) -> bool:
@@ -460,7 +459,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
         found.append((faces, name, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
         return True
 
-    for name in round_ones[:most]:
+    for name in [own for own in round_ones if own not in following][:most]:
         kind, _, radius, *number = name.split()
         width = 2.0 * float(radius)
         called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))

@@ -150,10 +150,10 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     for _ in range(CHAIN):
         before = dict(found)
         for k, tangencies in _tangencies(body).items():
-            grows, own_move = 0.0, moves[k]
+            grows = 0.0
             if offsets[list(rounds[k][1])].any():
-                lone = own_move is None or own_move[1:].any() or len(rounds[k][1]) < FACETS
-                if lone or any(each.other in surface_of for each in tangencies):
+                own_move, curved = moves[k], any(each.other in surface_of for each in tangencies)
+                if own_move is None or own_move[1:].any() or curved or len(rounds[k][1]) < FACETS:
                     continue
                 grows = float(own_move[0])
             wanted, unknowns = list[float](), list[Array]()
@@ -173,8 +173,7 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
             for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 1 if grows else 2]:
                 answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
                 if np.abs(columns * free @ answer - speeds).max() <= least:
-                    found[k] = np.where(np.abs(answer) <= least, 0.0, answer)
-                    found[k][0] += grows
+                    found[k] = np.where(np.abs(answer) <= least, 0.0, answer) + grows * np.eye(5)[0]
                     break
         if before.keys() == found.keys() and all(np.array_equal(before[k], found[k]) for k in found):
             break
