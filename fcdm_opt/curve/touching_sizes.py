@@ -31,6 +31,7 @@ from fcdm_opt.curve.region import Region
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import IDENTITY, Body, rigid_transform
+from fcdm_opt.geometry.facet_errors import rounding_line
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.resizing import MovingPart, Resizing
 from fcdm_opt.geometry.size import Size
@@ -133,20 +134,12 @@ class TouchingSizes:
                 if factor >= 1.0:
                     continue
                 if len(part.faces) > MOST_TRIPLES:
-                    raise ChangedShapeError(
-                        f"within these tolerances {where} is reached, where the body changes its shape",
-                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
-                        allowed=f"up to {100.0 * factor:.4g} % of them",
-                    )  # fmt: skip
+                    what = f"{where} is reached, where the body changes its shape"
+                    raise ChangedShapeError(**_beyond(moving, what, f"up to {100.0 * factor:.4g} % of them"))
                 parts[k] = part.with_all_corners()
                 if _is_lost(parts[k], low[own], high[own]):
-                    parted, piece = moving.parted(), "a piece that is cut off " * (len(moving.parts) > 1)
-                    raise InputError(
-                        f"within these tolerances nothing may be left of {piece}body '{body.name}'"
-                        f"{parted and f': {parted}'}",
-                        key="sizes.tolerance", found=[size.tolerance for size in moving.sizes],
-                        allowed=f"smaller ones{', or all of these faces in one size' if parted else ''}",
-                    )  # fmt: skip
+                    piece = "a piece that is cut off " * (len(moving.parts) > 1) + f"body '{body.name}'"
+                    raise InputError(**_beyond(moving, f"nothing may be left of {piece}", "smaller ones"))
             if reach[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
                 with placed(key="sizes.tolerance"):
                     moving.check(low[own], high[own])
@@ -459,6 +452,15 @@ def _slack_of_faces(part: MovingPart, *, room: bool = False) -> tuple[Array, Int
     heights = (n * (part.points[corner] - part.part.bases[facet])).sum(axis=1)
     rates = np.einsum("mx,mxk->mk", n, part.moves[corner]) - part.offsets[facet]
     return sign * np.column_stack([heights, rates]), facet
+
+
+def _beyond(moving: Resizing, what: str, allowed: str) -> dict[str, Any]:
+    """Return what an error says of tolerances that a body does not allow."""
+    parted, line = moving.parted(), rounding_line((moving.body,))
+    if parted:
+        what, allowed = f"{what}: {parted}", f"{allowed}, or all of these faces in one size{line and f', or {line}'}"
+    told = {"what": f"within these tolerances {what}", "key": "sizes.tolerance", "allowed": allowed}
+    return {**told, "found": [size.tolerance for size in moving.sizes]}
 
 
 def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:

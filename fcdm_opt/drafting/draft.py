@@ -28,6 +28,7 @@ from fcdm_opt.geometry.bodies import Body, told_solids
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
+from fcdm_opt.geometry.moving_faces import between_planes
 from fcdm_opt.geometry.naming import ROUND, ROUND_KINDS, described_faces, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
@@ -432,12 +433,13 @@ def _moved(solution: Solution, unit: str) -> str:
 def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, float]]:
     """Return faces whose distance is a size, and can be one: their labels or name, its name, what it is, `each`.
 
-    The diameters of cylinders and bores, then `most` distances of material or room between plane faces that look
-    opposite ways and lie over one another: first those of faces that are the nearest so to each other on their side,
-    of material or of room, then the others, the largest first.
+    The diameters of cylinders and bores but for fillets and round ends, which follow faces, then `most` distances of
+    material or room between plane faces that look opposite ways and lie over one another: first those of faces that
+    are the nearest so to each other on their side, of material or of room, then the others, the largest first.
     """
     normals, points = body.face_planes
     names = names_of_rows(body)
+    following = {names[row] for row in between_planes(body)}
     round_ones = [name for name in dict.fromkeys(names) if " radius " in name and " to " not in name]
     found, known = list[tuple[tuple[str, ...], str, str, float]](), set[tuple[int, ...]]()
 
@@ -452,7 +454,7 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
         found.append((faces, name, f"{what}{' of material' if width > 0.0 else ' of room'},", each))
         return True
 
-    for name in round_ones[:most]:
+    for name in [own for own in round_ones if own not in following][:most]:
         kind, _, radius, *number = name.split()
         width = 2.0 * float(radius)
         called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))

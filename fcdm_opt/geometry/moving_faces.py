@@ -30,6 +30,7 @@ from fcdm_opt.geometry.tessellation import TANGENT, RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
 
 CHAIN = 4  # fillets that follow one another, at most
+FACETS = 3  # of a fillet, at least so many tell a change of its radius from a shift
 
 
 class Tangency(NamedTuple):
@@ -101,7 +102,7 @@ def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
         for surface, move in _followed(body, offsets[:, k]).items():
             rows = list(round_surfaces(body)[surface][1])
             if not move[4]:
-                offsets[rows, k] = body.face_planes[0][rows] @ move[1:4]
+                offsets[rows, k] = move[0] + body.face_planes[0][rows] @ move[1:4]
     return offsets
 
 
@@ -138,8 +139,9 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
-    """Return how round faces that do not move themselves follow those that they are tangent to, as for `_moves`."""
-    # those that can, with their radius kept, of at least two others; no more than so many in a row
+    """Return how round faces follow those that they are tangent to, as for `_moves`."""
+    # those that can, of at least two others, with their radius kept where that does; no more than so many in a row. Of
+    # those that move themselves fillets between planes alone, whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
@@ -148,8 +150,12 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     for _ in range(CHAIN):
         before = dict(found)
         for k, tangencies in _tangencies(body).items():
+            grows = 0.0
             if offsets[list(rounds[k][1])].any():
-                continue
+                own_move, curved = moves[k], any(each.other in surface_of for each in tangencies)
+                if own_move is None or own_move[1:].any() or curved or len(rounds[k][1]) < FACETS:
+                    continue
+                grows = float(own_move[0])
             wanted, unknowns = list[float](), list[Array]()
             for own in tangencies:
                 other = surface_of.get(own.other, -1)
@@ -158,14 +164,17 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
                     wanted.append(float(offsets[own.other]))
                 else:
                     wanted.append(float(move[0] + own.normal @ (move[1:4] + move[4] * own.other_across)))
-                unknowns.append(np.append(own.normal, own.normal @ own.across if rounds[k][0].ring else 0.0))
-            columns, speeds = np.array(unknowns), np.array(wanted)
+                ring = own.normal @ own.across if rounds[k][0].ring else 0.0
+                unknowns.append(np.array([1.0, *own.normal, ring]))
+            columns, speeds = np.array(unknowns), np.array(wanted) - grows
             if not speeds.any():
                 continue
-            answer = np.asarray(np.linalg.lstsq(columns, speeds, rcond=DEFAULT.nominal)[0], float)
-            answer[np.abs(answer) <= DEFAULT.nominal * np.abs(speeds).max()] = 0.0
-            if np.abs(columns @ answer - speeds).max() <= DEFAULT.snap * np.abs(speeds).max():
-                found[k] = np.append(0.0, answer)
+            least = DEFAULT.snap * np.abs(speeds).max()
+            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 1 if grows else 2]:
+                answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
+                if np.abs(columns * free @ answer - speeds).max() <= least:
+                    found[k] = np.where(np.abs(answer) <= least, 0.0, answer) + grows * np.eye(5)[0]
+                    break
         if before.keys() == found.keys() and all(np.array_equal(before[k], found[k]) for k in found):
             break
     return found
@@ -198,6 +207,13 @@ def _tangencies(body: Body) -> dict[int, list[Tangency]]:
                     found.setdefault(k, []).append(Tangency(row, each[k][1], *ends))
     others = {k: {surface_of.get(own.other, -1 - own.other) for own in those} for k, those in found.items()}
     return {k: those for k, those in found.items() if len(others[k]) > 1}
+
+
+def between_planes(body: Body) -> set[int]:
+    """Return the rows of the faces of fillets and round ends: of round faces that are tangent to two plane ones."""
+    planes = set(range(len(body.faces))) - {row for _, rows in round_surfaces(body) for row in rows}
+    found = (k for k, own in _tangencies(body).items() if len({each.other for each in own} & planes) > 1)
+    return {row for k in found for row in round_surfaces(body)[k][1]}
 
 
 def _moved_surface(body: Body, rows: Sequence[int], offsets: Array) -> Array | None:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.drafting.draft import widths
 from fcdm_opt.geometry import elements
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes, resized
@@ -663,6 +664,68 @@ def test_a_fillet_stayed_where_it_was_when_the_shaft_that_it_ends_got_thinner() 
     assert solution.amount == pytest.approx(16.0 - (3.99 + 10.0) - math.sqrt(2.0), rel=1e-9)
     assert solution.amount_low == pytest.approx(solution.amount, rel=1e-4)
     assert solution.sensitivity.sizes["diameter"] == pytest.approx(-0.5, rel=1e-6)
+
+
+def feather(width: float, name: str) -> list[fo.Body]:
+    """What a feather key of form A is joined of: a box, and two cylinders that end it."""
+    ends = [fo.Cylinder(width / 2.0, 7.0, base=(x, 0, -3.5), facets=16) for x in (-16, 16)]
+    return [fo.Box((32, width, 7), name=name), *ends]
+
+
+@pytest.mark.parametrize("width", [-0.036, 0.036])
+def test_the_ends_of_a_feather_key_stayed_as_wide_when_its_flats_moved(width: float) -> None:
+    """They are tangent to both flats: their radius goes with them, in a pocket too, whose gap is half of both."""
+    key = fo.joined(*feather(8.0, "key"), name="key")
+    pocket = fo.cut(fo.Box((60, 24, 6)), *feather(8.06, "room"), name="pocket")
+    walls = [{"through": (0, y, 0)} for y in (-4.03, 4.03)]
+    sizes = [
+        fo.Size("b", "movable", faces=["+y", "-y"], each=0.5, tolerance=sorted([0.0, width])),
+        fo.Size("room", "static", faces=walls, each=-0.5, tolerance=(-0.01, 0.0)),
+    ]
+    problem = fo.Problem(key, pocket, sizes=sizes, made={"b": width, "room": -0.01}, motion=fo.Translation("y"))
+    for body, radius in ((problem.movable, 4.0 + width / 2.0), (problem.static, 4.025)):
+        for surface, _ in round_surfaces(body):
+            assert (abs(surface.origin[0]), surface.origin[1]) == pytest.approx((16.0, 0.0), abs=1e-9)
+            assert surface.radius == pytest.approx(radius, abs=1e-9)
+    assert np.abs(problem.movable.vertices[:, 0]).max() == pytest.approx(20.0 + width / 2.0, abs=1e-9)
+    assert fo.solve(problem).amount == pytest.approx(4.025 - (4.0 + width / 2.0), rel=1e-6)
+    worst = fo.stack_up(problem).worst()
+    assert worst.least == pytest.approx(4.025 - (4.0 + max(width, 0.0) / 2.0), rel=1e-6)
+    assert worst.largest == pytest.approx(4.03 - (4.0 + min(width, 0.0) / 2.0), rel=1e-6)
+
+
+def test_the_round_end_between_two_flats_goes_with_the_one_that_moves() -> None:
+    size = fo.Size("b", "movable", faces="+y")
+    made = resized(fo.joined(*feather(8.0, "key"), name="key"), {size: 0.036})
+    assert [surface.origin[1] for surface, _ in round_surfaces(made)] == pytest.approx([0.018, 0.018], abs=1e-9)
+    assert np.abs(made.vertices[:, 0]).max() == pytest.approx(20.018, abs=1e-9)
+
+
+def test_the_ends_of_a_feather_key_were_offered_as_sizes_of_their_own() -> None:
+    """They go with the flats; a bore through the key goes with none."""
+    key = fo.cut(fo.joined(*feather(8.0, "key"), name="key"), fo.Cylinder(2.0, 9.0, base=(0, 0, -4.5), facets=16))
+    offered = {what.rsplit(",", 1)[0]: each for _, _, what, each in widths(key)}
+    assert offered == {
+        "diameter 4 of room": -0.5, "-y and +y, 8 of material": 0.5, "-z and +z, 7 of material": 0.5,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("change", [-0.1, 0.1])
+def test_a_fillet_of_another_radius_was_not_tangent_to_its_planes(change: float) -> None:
+    """Its axis is as much further from both: a chamfer of 1 in the corner is stopped by (r - m)^2 + (r - 1 - m)^2."""
+    fillet = fo.cut(fo.Box((3, 3, 10), centre=(1.5, 1.5, 0)), fo.Cylinder(3.0, 12.0, base=(3, 3, -6), facets=64))
+    walls = [fo.Box((12, 2, 10), centre=(4, -1, 0)), fo.Box((2, 12, 10), centre=(-1, 4, 0))]
+    angle = fo.joined(fillet, *walls, name="angle")
+    profile = [(0, 1), (1, 0), (5, 0), (5, 5), (0, 5)]
+    block = fo.Body.convex([(x, y, z) for x, y in profile for z in (-4, 4)], name="block")
+    size = fo.Size("fil", "static", faces="bore radius 3", each=-1.0, tolerance=0.1)
+    motion = fo.Translation((1, 1, 0))
+    problem = fo.Problem(block, angle, sizes=[size], made={"fil": change}, goal="clear", motion=motion)
+    ((surface, _),) = round_surfaces(problem.static)
+    assert (surface.radius, *surface.origin[:2]) == pytest.approx([3.0 + change] * 3, abs=1e-9)
+    r = 3.0 + change
+    move = (2.0 * r - 1.0 - math.sqrt((2.0 * r - 1.0) ** 2 - 2.0 * (r - 1.0) ** 2)) / 2.0
+    assert fo.solve(problem).amount == pytest.approx(move * math.sqrt(2.0), rel=1e-6)
 
 
 def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:
