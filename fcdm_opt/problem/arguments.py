@@ -89,15 +89,17 @@ def interval(value: Any, key: str) -> tuple[float, float]:
     return float(ends[0]), float(ends[1])
 
 
-def by_parameter(values: Any, key: str, names: Iterable[str]) -> dict[str, Any]:
-    """Return a mapping whose keys are parameters of the motion."""
+def by_parameter(
+    values: Any, key: str, names: Iterable[str], unknown: str = "no such parameter of the motion"
+) -> dict[str, Any]:
+    """Return a mapping whose keys are parameters of the motion, or other names."""
     allowed = ", ".join(names)
     if values is None:
         return {}
     if not isinstance(values, Mapping):
         raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with some of the names {allowed}")
     for name in values:
-        known_word(name, names, "no such parameter of the motion", key=f"{key}.{name}")
+        known_word(name, names, unknown, key=f"{key}.{name}")
     return dict(values)
 
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
     from fcdm_opt.motion.kinematics import Kinematics
 
+NO_PART = "no such part"
 UNNAMED = "body"  # a body that was given no name
 CLEAR = {"goal": "clear"}  # what is asked of two parts without a contact: that they do not overlap
 CORNERS = ("worst", "loosest", "low", "high", "middle")
@@ -186,7 +187,7 @@ class Assembly(AnyScene):
             part: fit_for_sizes(body, tuple(size for size in sizes if size.body == part))
             for part, body in _bodies(parts).items()
         }
-        moved = _by_part(motions, "motions", bodies)
+        moved = by_parameter(motions, "motions", bodies, NO_PART)
         for part, motion in moved.items():
             if not isinstance(motion, Motion) or not motion.parameters:
                 allowed = "a Motion with parameters"
@@ -233,7 +234,7 @@ class Assembly(AnyScene):
             "lengths": {part: bodies[part].size / 2.0 for part in moved} | _numbers(lengths, "lengths", moved),
             "limits": _limits(limits, moved),
             "keep_out": others,
-            "resolution": _by_part(resolution, "resolution", moved),
+            "resolution": by_parameter(resolution, "resolution", moved, NO_PART),
             "name": name,
             "unit": unit_of(
                 unit,
@@ -522,22 +523,13 @@ def _bodies(parts: Any) -> dict[str, Body]:
     return found
 
 
-def _by_part(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping whose keys are names of parts."""
-    if values is None:
-        return {}
-    if not isinstance(values, Mapping):
-        raise InputError("not a mapping", key=key, found=values, allowed=f"a mapping with names of {', '.join(known)}")
-    return {known_word(part, known, "no such part", key=f"{key}.{part}"): value for part, value in values.items()}
-
-
 def _numbers(values: Any, key: str, known: Mapping[str, Any]) -> dict[str, float]:
-    return {part: positive(value, f"{key}.{part}") for part, value in _by_part(values, key, known).items()}
+    return {part: positive(value, f"{key}.{part}") for part, value in by_parameter(values, key, known, NO_PART).items()}
 
 
 def _limits(values: Any, moved: Mapping[str, Motion]) -> dict[str, dict[str, tuple[float, float]]]:
     found: dict[str, dict[str, tuple[float, float]]] = {part: {} for part in moved}
-    for part, own in _by_part(values, "limits", moved).items():
+    for part, own in by_parameter(values, "limits", moved, NO_PART).items():
         listed = by_parameter(own, f"limits.{part}", moved[part].names)
         found[part] = {name: interval(ends, f"limits.{part}.{name}") for name, ends in listed.items()}
     return found
@@ -552,7 +544,7 @@ def _joined(contacts: Any, parts: Mapping[str, Body]) -> tuple[JoinedPair, ...]:
             if "parts" in table:
                 table["parts"] = items(table["parts"])
             entry = checked(JoinedEntry, table)
-        one, two = (known_word(name, parts, "no such part", key=f"{key}.parts") for name in entry.parts)
+        one, two = (known_word(name, parts, NO_PART, key=f"{key}.parts") for name in entry.parts)
         if one == two:
             raise InputError("a part does not meet itself", key=f"{key}.parts", found=one, allowed="two parts")
         if any({one, two} == {*other[:2]} for other in found):
@@ -574,9 +566,9 @@ def _followed(
 
     A part that is to be kept clear of another rests on it only where nothing else leads to a fixed one.
     """
-    asked = _by_part(given, "follows", parts)
+    asked = by_parameter(given, "follows", parts, NO_PART)
     for part, leader in asked.items():
-        known_word(leader, parts, "no such part", key=f"follows.{part}")
+        known_word(leader, parts, NO_PART, key=f"follows.{part}")
         if part in fixed:
             allowed = "a part that moves"
             raise InputError("a fixed part follows none", key=f"follows.{part}", found=leader, allowed=allowed)
@@ -619,7 +611,7 @@ def _off_by(
     known_word(letter, SIGNS, "unknown requirement", key="requirement")
     shares = dict.fromkeys(parts, tolerance)
     if isinstance(tolerance, Mapping):
-        shares = dict.fromkeys(parts, 0.0) | _by_part(tolerance, "tolerance", parts)
+        shares = dict.fromkeys(parts, 0.0) | by_parameter(tolerance, "tolerance", parts, NO_PART)
     known = {part: real(x, "tolerance", "shares, >= 0 and below 1", lambda x: 0 <= x < 1) for part, x in shares.items()}
     return {part: 1.0 + SIGNS[letter][part not in moved] * share for part, share in known.items()}
 
@@ -655,7 +647,7 @@ def _made(
     if len(names) < len(sizes):
         raise InputError("not a size", key="sizes", found=sizes, allowed="Sizes")
     for size in sizes:
-        known_word(size.body, parts, "no such part", key=f"size '{size.name}'.body")
+        known_word(size.body, parts, NO_PART, key=f"size '{size.name}'.body")
         if names.count(size.name) > 1:
             raise InputError("two sizes have one name", key="sizes", found=size.name, allowed="a name of its own")
     if isinstance(made, str) and made not in CORNERS:
