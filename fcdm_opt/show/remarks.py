@@ -57,17 +57,11 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"overlapping by {depth} is of the facets; what is said of motions is of the true faces")
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
-    told += [
-        *least_at_rest(problem),
-        *told_solids(problem.bodies),
-        *known,
-        *beyond_tolerances(problem),
-        *sizes_as_drawn(problem),
-    ]
+    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
         told.append(f"the true parts need between {number_text(low)} and {end}")
-    return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
+    return [*told, *least_at_rest(problem), *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
 def least_at_rest(scene: Scene) -> list[str]:
