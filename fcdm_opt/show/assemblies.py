@@ -21,6 +21,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import verdict
 from fcdm_opt.show import Figure, texts
 from fcdm_opt.show.printing import CELL_WIDTH, print_lines, print_rows, print_text, wrapped
+from fcdm_opt.show.remarks import least_at_rest
 from fcdm_opt.show.scene import MOST_INSETS, VIEW, ShownBodies, contacts_of, numbered_contacts, scene_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
@@ -51,7 +52,8 @@ def unsaid(solution: AssemblySolution) -> list[str]:
     """Return what holds motions that are not to be used, or excludes any, and what is doubted, without the verdict."""
     verdict = assembly_verdict(solution)
     known = solution.usable or solution.status.name == "OUTSIDE_FIT"
-    return [text for text in (*(() if known else solution.active), solution.doubt) if text[1:] not in verdict]
+    lines = (*(() if known else solution.active), solution.doubt, *least_at_rest(solution.assembly))
+    return [text for text in lines if text[1:] not in verdict]
 
 
 def _overlaps(assembly: Assembly) -> list[str]:

@@ -51,8 +51,6 @@ def remarks(solution: Solution) -> list[str]:
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
-    if problem.request.get("made") == "worst" and sum(map(bool, problem.made.values())) > 1:
-        told.append(GoodNews('made "worst": sizes without a part in the least gap are at that of the next contact'))
     overlaps = not solution.status.found and solution.pair_gap < 0.0
     if overlaps and on_true_faces(problem) and known_gaps(problem):
         depth = measured(number_text(-solution.pair_gap, 4), unit)
@@ -63,7 +61,15 @@ def remarks(solution: Solution) -> list[str]:
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
         told.append(f"the true parts need between {number_text(low)} and {end}")
-    return [*told, *_frames(solution), *_contacts(solution), *_large(solution)]
+    return [*told, *least_at_rest(problem), *_frames(solution), *_contacts(solution), *_large(solution)]
+
+
+def least_at_rest(scene: Scene) -> list[str]:
+    """Return what sizes made "worst" are, and are not."""
+    if scene.request.get("made") != "worst":
+        return []
+    what = 'made "worst" is the least play at rest, sizes without a part in the least gap at that of the next contact'
+    return [GoodNews(f"{what}: others may need a larger motion, and a gap be smaller in a chain of parts (see stack)")]
 
 
 def known_gaps(scene: Scene) -> list[str]:

@@ -364,9 +364,9 @@ def test_sizes_that_jam_against_each_other_were_good_at_the_least_gap_at_rest() 
     found = budget(comb(), 0.2, largest=0.2)
     assert list(found) == ["corners"]
     assert found["corners"].tolerance == pytest.approx(0.1, rel=1e-5)
-    told = str(budget(comb(), 0.2, requirements=["worst"], largest=0.2))
+    line = str(budget(comb(), 0.2, requirements=["worst"], largest=0.2))
     assert (
-        "up to 0.2 mm only where all sizes are off at once, as at each of these corners; sizes that are at no" in told
+        "up to 0.2 mm only where all sizes are off at once, as at each of these corners; sizes that are at no" in line
     )
 
 

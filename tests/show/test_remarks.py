@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.problem.solution import Status
+from fcdm_opt.show.assemblies import unsaid
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised
@@ -103,6 +105,25 @@ def test_sizes_without_a_part_in_the_least_gap_stood_beside_those_with_one_witho
     word = "without a part in the least gap"
     assert sum(word in text for text in remarks(fo.solve(asked))) == 1
     assert not [text for text in remarks(fo.solve(asked.changed(made={"x": 0.02, "y": 0.02}))) if word in text]
+
+
+def test_the_least_play_at_rest_stood_as_the_worst_case() -> None:
+    """A lid .3 over a block: the block's height off by .02 has the least play at +.02, of an assembly, too."""
+    block, lid = fo.Box((2, 2, 2), name="block"), fo.Box((2, 2, 1), centre=(0, 0, 1.8), name="lid")
+    asked: dict[str, Any] = {"motion": fo.Translation("z"), "goal": "touch", "made": "worst"}
+    pair = fo.Problem(lid, block, sizes=[fo.Size("height", "static", faces="+z", tolerance=0.02)], **asked)
+    assert pair.made == {"height": 0.02}
+    parts = fo.Assembly(
+        {"lid": lid, "block": block}, [{"parts": ["lid", "block"], "goal": "touch"}],
+        motions={"lid": fo.Translation("z")}, made="worst",
+        sizes=[fo.Size("height", "block", faces="+z", tolerance=0.02)],
+    )  # fmt: skip
+    for worst, loose in (
+        (remarks(fo.solve(pair)), remarks(fo.solve(pair.changed(made="loosest")))),
+        (unsaid(fo.solve(parts)), unsaid(fo.solve(parts.changed(made="loosest")))),
+    ):
+        assert sum("is the least play at rest" in text and "see stack" in text for text in worst) == 1
+        assert not any("at rest" in text for text in loose)
 
 
 def test_a_distance_of_pins_that_only_a_turn_or_the_size_beside_it_mends_was_answered_by_the_spacing() -> None:
