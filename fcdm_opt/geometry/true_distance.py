@@ -233,38 +233,34 @@ class PoseDerivatives(NamedTuple):
 
 
 class FacesApart:
-    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all.
-
-    `axis`: a point and a unit vector, (2, 3), of the line that `least` is asked about turns of body 1 about, if so.
-    """
+    """Two bodies at scale 1 that are apart, cut further with each question; at most `most` pairs of pieces over all."""
 
     remaining: int  # pairs of pieces that may still be looked at; below 0 nothing is shown any more
 
     def __init__(self, faces: Sequence[TrueFaces], most: int = MOST, axis: Array | None = None) -> None:
-        self._faces, self._axis = faces, axis
+        self._faces, self._axis = faces, axis  # a point and the direction, (2, 3), where body 1 turns about one alone
         self._pieces = [FacePieces.of(own) for own in faces]
         self._nearest = np.zeros((0, 2), np.int64)
         self.remaining = most
-        self._concave = [np.array([patch.concave for patch in own.patches]) for own in faces]
         self._axes = [np.array([patch.surface.axis for patch in own.patches]) for own in faces]
-        self._turned = [own.of_revolution(*axis) if axis is not None else np.zeros(0, bool) for own in faces]
+        self._concave = [np.array([patch.concave for patch in own.patches]) for own in faces]
+        if axis is not None:
+            self._concave = [own & its.of_revolution(*axis) for own, its in zip(self._concave, faces, strict=True)]
 
     def least(self, transform: Array, *, small: float = 0.0, most: float = np.inf) -> float:
-        """Return what their distance is at least, up to `most`, 0 where none is shown.
+        """Return what their distance is at least after a pose change of body 1, (4, 4), up to `most`; 0: none is shown.
 
         It falls short of the distance by a fifth of it at most, or by `small`. Where body 1 turns about an axis, it is
         that of pieces that may ever meet.
-
-        Parameters
-        ----------
-        transform : (4, 4) array
-            Pose change of body 1.
         """
         upper = most
         for level in range(LEVELS):
             one = self._pieces[0].corners @ transform[:3, :3].T + transform[:3, 3]
             two, errors = self._pieces[1].corners, [own.errors for own in self._pieces]
             if not level:
+                if self._axis is not None and not len(self._nearest):
+                    self._nearest = _near(one, two, errors, upper)
+                    self._nearest = self._nearest[self._may_meet(self._nearest)]
                 if self._axis is None or len(self._nearest):
                     upper = min(upper, _no_farther(one, two, errors, self._nearest))
                 self._nearest = _near(one, two, errors, upper)
@@ -293,7 +289,8 @@ class FacesApart:
         assert self._axis is not None
         still, ends = PoseDerivatives(np.zeros((1, 3, 4)), np.zeros((1, 1, 3, 4))), list[Array]()
         for k, own in enumerate(self._pieces):
-            off = np.where(self._turned[k][own.patches], own.axial, own.errors)
+            parallel = norms(cross(self._axes[k], self._axis[1])) <= DEFAULT.tie
+            off = np.where(parallel[own.patches], own.axial, own.errors)
             heights = own.corners @ self._axis[1]
             ends.append(np.array([heights.min(axis=1) - off, heights.max(axis=1) + off])[:, pairs[:, k]])
         level = (ends[0][0] <= ends[1][1]) & (ends[1][0] <= ends[0][1])
@@ -354,8 +351,7 @@ class FacesApart:
         found, may = np.zeros((2, 2, len(pairs)), bool)
         for k, own in enumerate(self._pieces):
             moves = rates if not k else rates._replace(first=-rates.first)  # as seen from body 1
-            concave = self._concave[1 - k]
-            for patch in np.flatnonzero(concave if self._axis is None else concave & self._turned[1 - k]).tolist():
+            for patch in np.flatnonzero(self._concave[1 - k]).tolist():
                 surface = self._faces[1 - k].patches[patch].surface
                 room = self._nearest_to(1 - k, patch)[pairs[:, 1 - k]]
                 rows = np.flatnonzero(room > -np.inf)
