@@ -459,8 +459,8 @@ def _beyond(moving: Resizing, what: str, allowed: str) -> dict[str, Any]:
     parted, line = moving.parted(), rounding_line((moving.body,))
     if parted:
         what, allowed = f"{what}: {parted}", f"{allowed}, or all of these faces in one size{line and f', or {line}'}"
-    told = {"what": f"within these tolerances {what}", "key": "sizes.tolerance", "allowed": allowed}
-    return {**told, "found": [size.tolerance for size in moving.sizes]}
+    error = {"what": f"within these tolerances {what}", "key": "sizes.tolerance", "allowed": allowed}
+    return {**error, "found": [size.tolerance for size in moving.sizes]}
 
 
 def _is_lost(part: MovingPart, low: Array, high: Array) -> bool:
