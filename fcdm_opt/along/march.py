@@ -19,6 +19,7 @@ from fcdm_opt.along.conditions import VERIFIED, Conditions, Ray, RayStretch, Tra
 from fcdm_opt.along.expansions import ROUNDING, flat, is_tied, roots, safe_steps
 from fcdm_opt.along.followed import KINDS, Cause, Followed, Rest
 from fcdm_opt.curve import kernels
+from fcdm_opt.curve.contact import meetings
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.naming import pair_in_words
@@ -180,7 +181,7 @@ class March:
     def _stopped(self, x: float, expanded: Array, steps: Array, other: PairBound) -> Stop:
         """Return the stop at x, with all that fails there."""
         if other.expansion is not None and other.parts is not None:
-            cause = Cause("overlap", -1, f"{pair_in_words(*self._problem.active, other.parts)} come to overlap")
+            cause = Cause("overlap", -1, f"{self._in_words(x, other.parts)} come to overlap")
             return Stop(x, (cause,), other.expansion, other.condition)
         best: dict[int, int] = {}
         for row, group in enumerate(self._groups.tolist()):
@@ -200,6 +201,14 @@ class March:
         first, *others = dict.fromkeys(self._causes[self._groups[row]] for row in near)
         causes = sorted((first, *others), key=lambda own: (own.kind != first.kind, own.feature, own.what))
         return Stop(x, tuple(causes), expanded[near[0]], self._conditions.chosen([near[0]]))
+
+    def _in_words(self, x: float, parts: tuple[int, int]) -> str:
+        """Return what of two parts touches at x, by its faces; the parts where that is not known."""
+        here, bodies = self._stretch(x), self._problem.active
+        pose = np.concatenate([here.R[0].ravel(), here.d[0]])
+        met = meetings(*bodies, pose, here.rho, DEFAULT.snap * self._problem.size)
+        feature = next((own.contact.feature for own in met if own.parts == parts), None)
+        return feature.in_words(*bodies) if feature else pair_in_words(*bodies, parts)
 
     def _parallel(self, x: float) -> list[Cause]:
         """Return the tracked features whose edges are parallel at x: their lines vanish, and the pair with them."""
