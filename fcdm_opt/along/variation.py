@@ -140,8 +140,8 @@ class Layout:
         faces = [tuple(sorted(labels))] if kind == "F" else body.faces_with(labels)
         own = [body.face_rows[face] for face in faces if face in body.face_rows]
         planes, shifts = body.face_planes[0][own], np.full((len(own), 3), np.nan)
-        alone = len(own) == {"F": 1, "E": 2, "V": 3}[kind]
-        if alone and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:  # a plane not known is 0
+        enough = len(own) == {"F": 1, "E": 2, "V": 3}[kind]
+        if enough and np.linalg.svd(planes, compute_uv=False)[-1] > DEFAULT.nominal:  # a plane not known is 0
             shifts = np.linalg.pinv(planes).T
         chosen, lost_shifts = np.array(own, dtype=np.int64), np.isnan(shifts).any(axis=1)
         data[self.faces(term.body)][chosen] += np.where(lost_shifts, 0.0, shifts @ pull)

@@ -90,8 +90,8 @@ def hold(polygons: Array, normals: Array, points: Array, slack: float) -> Flags:
     return (((points[:, None, None] - polygons) * inward).sum(axis=3) >= -slack).all(axis=2)
 
 
-def ways_from(points: Array, polygons: Array) -> Array:
-    """Return the ways to points, (..., k, 3), from the nearest of triangles or segments, (..., 3 or 2, 3)."""
+def offsets_from(points: Array, polygons: Array) -> Array:
+    """Return the vectors to points, (..., k, 3), from the nearest of triangles or segments, (..., 3 or 2, 3)."""
     corners = polygons[..., None, :, :]
     along = following(corners) - corners
     spokes = points[..., None, :] - corners
@@ -108,7 +108,7 @@ def ways_from(points: Array, polygons: Array) -> Array:
 
 def distances(points: Array, polygons: Array) -> Array:
     """Return the distances of points, (..., k, 3), from triangles or segments, (..., 3 or 2, 3), (..., k)."""
-    return norms(ways_from(points, polygons))
+    return norms(offsets_from(points, polygons))
 
 
 def coplanar(

@@ -21,7 +21,7 @@ from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.facets import surface_distance
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
-from fcdm_opt.geometry.polygons import components, distances, fans, ways_from
+from fcdm_opt.geometry.polygons import components, distances, fans, offsets_from
 from fcdm_opt.tolerances import DEFAULT
 
 EPSILON = float(np.finfo(float).eps) / 2.0
@@ -179,7 +179,7 @@ def convex_inside(body: Body, point: Array) -> Body:
 
     own = solid_surface(body)
     corners, place = own.points[own.triangles], point - body.seed
-    ways = -ways_from(place[None], corners)[:, 0]
+    ways = -offsets_from(place[None], corners)[:, 0]
     order, planes = np.argsort(norms(ways), kind="stable"), list[Array]()
     ahead = np.ones(len(order), bool)
     for k in order.tolist():
@@ -367,7 +367,7 @@ class PlacedSolids:
         inner = [min(self._distance(which, point)[0] for which in range(2)) for point in as_deep]
         point = as_deep[int(np.argmax(inner))]
         near = (self._near(which, point, 0.0) for which in range(2))
-        return np.array([point - ways_from(point[None], corners[far.argmin()])[0] for corners, far in near])
+        return np.array([point - offsets_from(point[None], corners[far.argmin()])[0] for corners, far in near])
 
     def _depths(self, points: Array) -> Array:
         """Return the sum of points' depths in both solids, (m,); minus infinity outside of one."""
@@ -447,7 +447,7 @@ def _thickness(piece: tuple[Array, Ints]) -> float:
 
 def _slopes(point: Array, corners: Array, far: Array) -> Array:
     """Return how the distances of triangles change with a point, (k, 3): of those it is on, from the inside."""
-    away = ways_from(point[None], corners)[:, 0]
+    away = offsets_from(point[None], corners)[:, 0]
     slopes = away / np.maximum(norms(away), np.finfo(float).tiny)[:, None]
     on = far <= DEFAULT.weld * np.abs(corners - point).max(axis=(1, 2))
     slopes[on] = -unit_normals(corners[on])

@@ -14,7 +14,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units, volume_and_centroid
-from fcdm_opt.geometry.polygons import components, ways_from
+from fcdm_opt.geometry.polygons import components, offsets_from
 from fcdm_opt.tolerances import DEFAULT
 
 TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
@@ -156,7 +156,7 @@ class Swept(NamedTuple):
             share = np.clip(nearest + slope * aside / steep, 0.0, 1.0).reshape(-1, 3, 1)
             points = np.concatenate([corners, corners + share * steps], axis=1)
         elif not self.ring:
-            points = np.concatenate([corners, self.origin - ways_from(self.origin[None], corners)], axis=1)
+            points = np.concatenate([corners, self.origin - offsets_from(self.origin[None], corners)], axis=1)
         else:
             shares = np.array([(i, j, CUTS - i - j) for i in range(CUTS + 1) for j in range(CUTS + 1 - i)]) / CUTS
             points, hidden = shares @ corners, 4.0 / (3.0 * CUTS**2)

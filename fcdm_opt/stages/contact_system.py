@@ -472,8 +472,8 @@ class System:
             rows = [own[own[:, -1] <= own[:, -1].min() + tie] for own in rows]
             widest = max((own[:, -1].min() for own in rows), default=0.0)
             rows = [own if own[:, -1].min() >= widest - tie else own[:1] for own in rows]
-            ways = map(np.array, product(*(own[distinct_rows(own.round(DIGITS))[0]] for own in rows)))
-            found += [Rows(way[:, :-1], (way[:, -1] + way[:, :-1] @ y) / task.size) for way in ways if len(way)]
+            choices = map(np.array, product(*(own[distinct_rows(own.round(DIGITS))[0]] for own in rows)))
+            found += [Rows(x[:, :-1], (x[:, -1] + x[:, :-1] @ y) / task.size) for x in choices if len(x)]
         rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
