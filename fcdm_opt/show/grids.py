@@ -50,7 +50,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     sizes = [np.linspace(low, high, many) for low, high in np.asarray(found.box)]
     places = np.stack(np.meshgrid(*sizes, indexing="ij"), axis=-1).reshape(-1, len(sizes))
     points = found.at(*places.T)
-    shape = (-1, many) if len(sizes) > 1 else (many, 1)
+    shape = (len(places) // many, many) if len(sizes) > 1 else (many, 1)
     motion, late = points.parameters.copy(), points.undecided
     # where a region without a motion ends, as at no play at all, a map knows it to its shortest edge only
     off = 2.0 * SHORTEST * np.diag(np.ptp(np.asarray(found.box), axis=1))

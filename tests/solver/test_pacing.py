@@ -340,11 +340,11 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(sys, "stderr", err)
     monkeypatch.setattr(helping, "perf_counter", lambda: now[0])
     sign = helping._Sign()
-    for second in range(10):
+    for second in range(21):
         now[0] = float(second)
         sign.told("proving", second, 0)
         sign.tick()
-    assert err.getvalue().splitlines() == [f"still proving, after {t} s" for t in (2, 4, 8)]
+    assert err.getvalue().splitlines() == [f"still proving, after {t} s" for t in (5, 10, 20)]
 
 
 def test_work_is_named_with_what_it_is_for() -> None:
