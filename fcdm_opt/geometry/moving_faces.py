@@ -140,16 +140,20 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     """Return how round faces follow those that they are tangent to, as for `_moves`."""
-    # those that can, of at least two others, with their radius kept where that does; no more than so many in a row. Of
-    # those that move themselves fillets between planes alone, whose radius it is that changes
+    # those that can, of at least two others, with their radius kept where that does, or as both ends of a slot or key,
+    # tangent to the same; no more than so many in a row. Of those that move themselves fillets between planes alone,
+    # whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
     surface_of = {row: k for k, (_, rows) in enumerate(rounds) for row in rows}
     moves = {k: _moved_surface(body, rows, offsets) for k, (_, rows) in enumerate(rounds)}
+    known = _tangencies(body)
+    touched = {k: {each.other for each in own} for k, own in known.items()}
     for _ in range(CHAIN):
         before = dict(found)
-        for k, tangencies in _tangencies(body).items():
+        for k, tangencies in known.items():
+            both_ends = any(len(touched[k] & others) > 1 for other, others in touched.items() if other != k)
             grows = 0.0
             if offsets[list(rounds[k][1])].any():
                 own_move, curved = moves[k], any(each.other in surface_of for each in tangencies)
@@ -170,7 +174,7 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
             if not speeds.any():
                 continue
             least = DEFAULT.snap * np.abs(speeds).max()
-            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 1 if grows else 2]:
+            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 2 if both_ends and not grows else 1]:
                 answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
                 if np.abs(columns * free @ answer - speeds).max() <= least:
                     found[k] = np.where(np.abs(answer) <= least, 0.0, answer) + grows * np.eye(5)[0]

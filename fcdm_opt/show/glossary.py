@@ -8,7 +8,8 @@ WORDS = {
     "smaller, C the reverse, D both smaller",
     "pair made": "the two parts as they came out, at the sizes asked about",
     "amount": "how far the part is moved: a shift as its length, a turn as the way of a point half a diagonal away",
-    "proved": "no smaller motion does: shown by computation with error bounds; with `certify`, and where the answer does not say otherwise, checked by separate code",
+    "proved": "no smaller motion does: shown by computation with error bounds; with certify checked by separate code, "
+    "or the answer says that it is not",
     "beyond": "goal: the contact drawn still holds when both sizes are off by all that is asked; the parts made may "
     "have a gap",
     "clear": "goal: the parts made do not overlap, and keep a clearance where one is asked for",
