@@ -121,7 +121,7 @@ def answer_text(solution: AssemblySolution) -> str:
     name, told = solution.assembly.name, [assembly_verdict(solution)]
     if solution.status.found and solution.status.name != "OUTSIDE_FIT":
         amount = texts.amount_text(texts.seen_amount(solution), solution.assembly.amount_unit)
-        told.append(f"amount {amount}, proved at least {texts.bound_line(solution)}; {texts.outcome_text(solution)}")
+        told.append(f"amount {amount}{texts.proved_text(solution)}; {texts.outcome_text(solution)}")
     return "\n".join([f"{name}: {told[0]}" if name else told[0], *told[1:]])
 
 

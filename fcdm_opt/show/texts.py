@@ -216,8 +216,8 @@ def proved_least(solution: Bounded) -> bool:
 
 
 def bound_text(solution: Bounded) -> str:
-    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" outside the fit."""
-    if solution.status is Status.OUTSIDE_FIT:
+    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" of ones not to be used."""
+    if solution.status in (Status.OUTSIDE_FIT, Status.NOT_VERIFIED):
         return "-"
     if not math.isfinite(solution.lower_bound):
         return "impossible"
@@ -231,6 +231,12 @@ def bound_text(solution: Bounded) -> str:
         return f"{amount_text(solution.amount)}\n{mesh or 'exact'}"
     near = f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it"
     return f"{rounded}\n{near}" + f", {mesh}" * bool(mesh)
+
+
+def proved_text(solution: Bounded) -> str:
+    """Return ", proved at least ..." with the lower bound; "" of a motion that is not to be used."""
+    bound = bound_line(solution)
+    return f", proved at least {bound}" * (bound != "-")
 
 
 def bound_line(solution: Bounded) -> str:

@@ -126,7 +126,7 @@ def answer_text(solution: Solution) -> str:
     row = f"{texts.asked_text(problem)}, goal {texts.goal_text(problem)}"
     if solution.status.found and solution.status.name != "OUTSIDE_FIT":
         amount = texts.amount_text(texts.seen_amount(solution), problem.amount_unit)
-        row += f": {texts.motion_text(solution)}; amount {amount}, proved at least {texts.bound_line(solution)}; "
+        row += f": {texts.motion_text(solution)}; amount {amount}{texts.proved_text(solution)}; "
         row += f"pair made {solution.pair_state}; {texts.outcome_text(solution)}"
     else:
         row += f": {texts.outcome_text(solution)}"

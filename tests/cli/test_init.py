@@ -606,6 +606,7 @@ def test_what_touches_as_drawn_is_told_of_round_faces_wherever_their_facets_are(
     assert state_text(Situation(hub, shaft), "mm") == words
 
 
+@pytest.mark.slow
 def test_a_round_wall_beside_faces_that_are_none_is_told_with_its_facets(tmp_path: Path) -> None:
     """A bead around the hub is no cylinder: the hub's facets are kept, and its bore was not told to be round."""
     bead = trimesh.creation.torus(20.0, 3.0, major_sections=32, minor_sections=16)

@@ -672,7 +672,7 @@ def feather(width: float, name: str) -> list[fo.Body]:
     return [fo.Box((32, width, 7), name=name), *ends]
 
 
-@pytest.mark.parametrize("width", [-0.036, 0.036])
+@pytest.mark.parametrize("width", [pytest.param(-0.036, marks=pytest.mark.slow), 0.036])
 def test_the_ends_of_a_feather_key_stayed_as_wide_when_its_flats_moved(width: float) -> None:
     """They are tangent to both flats: their radius goes with them, in a pocket too, whose gap is half of both."""
     key = fo.joined(*feather(8.0, "key"), name="key")

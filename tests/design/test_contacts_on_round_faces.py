@@ -304,6 +304,7 @@ def test_a_ball_whose_socket_is_off_in_three_directions():
     assert fo.verify(stack).passed
 
 
+@pytest.mark.slow
 def test_holes_off_in_two_directions_of_two_dowels_add_up():
     """Of two dowels in two holes the second is off by (x, y), the first by (u, v): the gap is that of the worse one."""
     places = {1: -20.0, 2: 20.0}

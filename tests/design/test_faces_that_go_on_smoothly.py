@@ -111,6 +111,7 @@ def test_poses_and_clearances_of_a_saddle_are_told(saddle: fo.Problem) -> None:
     assert abs(best.parameters["TX"]) == pytest.approx(0.0625, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_an_obround_pin_has_its_own_gap_to_each_face_of_its_slot(obround: fo.Problem) -> None:
     stack = fo.stack_up(obround)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.1, 0.1), abs=1e-10)  # as flats tell

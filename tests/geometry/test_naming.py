@@ -269,6 +269,7 @@ def test_half_turns_that_planes_go_on_from_are_round(facets: int) -> None:
         assert Counter(names_of_rows(body))[f"bore radius 4{' no. 1' * (len(places) > 1)}"] == facets // 2
 
 
+@pytest.mark.slow
 def test_a_pin_slides_to_the_true_end_of_a_slot() -> None:
     """As far as 2 + 4 - 3.9; to facets of an end that was taken for a polygon it was 4 (1 - cos 7.5 deg) less."""
     pin = Cylinder(3.9, 12, base=(0, 0, -9), name="pin")

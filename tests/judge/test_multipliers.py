@@ -225,6 +225,7 @@ def test_multipliers_of_any_motion_exclude_none_that_does(name: str) -> None:
         assert (shown <= amounts).all()
 
 
+@pytest.mark.slow
 def test_a_motion_that_two_contacts_hold_was_asked_about_in_all_boxes_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two flanks of a V at 90 degrees, .141 and .283 too deep in a rod: 23 s for nothing, as neither holds it alone.
 

@@ -434,6 +434,7 @@ def test_points_that_were_cut_away_floated_before_the_section(browser, tmp_path)
     opened.context.close()
 
 
+@pytest.mark.slow
 def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_others(browser, tmp_path):
     """Pins of 9.9 in bores of 12 do not go in 2.5 farther apart; no scale near that drawn makes them touch."""
     from fcdm_opt.show.report.gather import gather

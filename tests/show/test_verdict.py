@@ -395,6 +395,7 @@ def test_advice_began_in_the_midst_of_a_name_with_a_number() -> None:
     assert advised(case) == "Choose other sizes."
 
 
+@pytest.mark.slow
 def test_a_clearance_that_a_closed_contact_leaves_no_room_for_was_told_as_no_fit() -> None:
     """The slide has 0.05 to either wall, and lies on the floor whatever is done along y."""
     rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 10), name="rail"), fo.Box((80, 10.1, 20), centre=(0, 0, 15)))

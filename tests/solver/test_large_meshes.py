@@ -480,6 +480,7 @@ def test_how_faces_are_cut_into_triangles_changes_nothing(above, below, shift, r
         assert told[number][1:] == pytest.approx(told[0][1:], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_proof_of_a_part_of_which_the_first_piece_is_far_away_was_refused() -> None:
     """A square tip in a round hollow, and a knob above it: the checker took edges of the knob for those of the tip."""
     knob = np.add(fo.Sphere(3.0, facets=16).parts[0].vertices, (0.0, 0.0, 20.0))

@@ -614,6 +614,7 @@ def test_a_plate_under_a_gripped_rod_left_what_true_parts_need_unknown() -> None
     assert fo.verify(found, proof=True).passed
 
 
+@pytest.mark.slow
 def test_plane_contacts_of_round_parts_that_share_motions_were_told_of_meshes() -> None:
     """A disc in a pocket under a cover that is to stay clear of it: each rises by what its plane faces are off."""
     pocket = fo.cut(fo.Box((60, 60, 15), centre=(0, 0, -2.5)), fo.Cylinder(20.0, 6.0), name="base")

@@ -83,11 +83,12 @@ def centre_of_least_turn(radii: list[float], seed: np.ndarray) -> np.ndarray:
     return least_squares(off, np.zeros(6), xtol=1e-15, ftol=1e-15, gtol=1e-15).x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "made",
     [
-        pytest.param({"b1": 0.05, "b2": 0.05, "b3": 0.05}, marks=pytest.mark.slow),
-        pytest.param({"b1": 0.05}, marks=pytest.mark.slow),
+        {"b1": 0.05, "b2": 0.05, "b3": 0.05},
+        {"b1": 0.05},
         {"b2": -0.03, "b3": 0.02},
     ],
 )
@@ -125,7 +126,7 @@ def test_the_amount_of_a_coupling_changes_with_its_sizes_as_differences_do() -> 
     assert rate == pytest.approx((amount(step) - amount(-step)) / (2 * step), rel=1e-5)
 
 
-@pytest.mark.parametrize("turned", [0.0, 0.3])
+@pytest.mark.parametrize("turned", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_stack_up_counts_each_ball_of_a_coupling(turned: float) -> None:
     """Corners of facets that are on their sphere were taken for such within it: one ball of three had no row."""
     pose = np.eye(4)

@@ -308,7 +308,7 @@ def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: 
     assert apart.least_amount(rates, 1.02 * amount, 1.01 * amount) <= amount
 
 
-@pytest.mark.parametrize("play", [0.02, 0.002])
+@pytest.mark.parametrize("play", [pytest.param(0.02, marks=pytest.mark.slow), 0.002])
 @pytest.mark.parametrize("stop", ["post", "key"])
 def test_a_lever_turns_about_its_own_pivot_however_little_play_it_has(play: float, stop: str) -> None:
     # faces of revolution about the axis stay where they are: it turns until it meets a post, or its key a keyway
@@ -420,7 +420,7 @@ def test_a_pin_tilts_in_its_bore_until_two_rims_touch() -> None:
     assert h * math.sin(a) + 2 * r == pytest.approx(2 * R * math.cos(a), rel=1e-11)
 
 
-@pytest.mark.parametrize("play", [0.1, 0.01])
+@pytest.mark.parametrize("play", [pytest.param(0.1, marks=pytest.mark.slow), 0.01])
 def test_less_than_any_motion_of_several_parameters_was_bracketed_as_coarsely_as_facets_are(play: float) -> None:
     """A ball above a floor comes nearest by a shift alone, a bar by one with a turn, whose weight is its length."""
     floor = fo.Box((20, 20, 4), centre=(0, 0, -7 - play))
@@ -451,6 +451,7 @@ def test_no_more_is_shown_of_motions_that_turn_than_is_true() -> None:
         assert 0.25 * amount < apart.least_amount(rates, 1.5 * amount, 1.45 * amount) <= amount
 
 
+@pytest.mark.slow
 def test_less_than_a_pin_on_an_arm_turns_was_not_ruled_out_beside_the_rim_of_its_bore() -> None:
     """Its axis, d from that of the turn, goes 2 d sin(a / 2) until the play is gone; the box is clear of the plate."""
     d, r, play = 30.0, 4.0, 0.05
@@ -692,7 +693,7 @@ def test_parts_of_an_assembly_meet_on_their_true_faces() -> None:
     assert fo.verify(fo.AssemblySolution.from_dict(json.loads(json.dumps(found.to_dict())))).passed
 
 
-@pytest.mark.parametrize("clearance", [0.0, 0.15])
+@pytest.mark.parametrize("clearance", [pytest.param(0.0, marks=pytest.mark.slow), 0.15])
 def test_what_is_clear_of_an_assembly_is_so_by_its_true_faces_not_by_facets(clearance: float) -> None:
     """Washers on a pin, .2 off it all around: the facets' .224 was claimed, and the judge refused to move nothing."""
     frame = fo.joined(fo.Box((30, 30, 4), centre=(0, 0, -2), name="frame"), fo.Cylinder(5, 20, base=(0, 0, -1)))
@@ -1098,6 +1099,7 @@ def test_true_faces_of_d_shaped_parts_end_at_their_flats() -> None:
     assert least == pytest.approx(corner - 5.98, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_hole_through_two_plates_was_taken_for_a_pin_in_its_bore() -> None:
     """Convex parts of the plates, one on the other, are apart along x as well; a dowel asks for the shift alone."""
     hole = fo.Cylinder(12, 60, base=(0, 0, -30))
