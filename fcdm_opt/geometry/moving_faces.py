@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import units
@@ -98,8 +98,9 @@ def offsets_of_faces(body: Body, sizes: Sequence[Size]) -> Array:
     """Return how far each face of the body moves outward a unit of each size, (faces, k)."""
     # those of fillets too that are shifted; none of one whose ring gets wider, the facets of which would be turned
     offsets = np.column_stack([*(size.offsets(body) for size in sizes), np.zeros(len(body.faces))])[:, :-1]
+    no_own: Flags = np.logical_not(offsets.any(axis=1))
     for k in range(len(sizes)):
-        for surface, move in _followed(body, offsets[:, k]).items():
+        for surface, move in _followed(body, offsets[:, k], no_own).items():
             rows = list(round_surfaces(body)[surface][1])
             if not move[4]:
                 offsets[rows, k] = move[0] + body.face_planes[0][rows] @ move[1:4]
@@ -138,11 +139,11 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
     return moves
 
 
-def _followed(body: Body, offsets: Array) -> dict[int, Array]:
+def _followed(body: Body, offsets: Array, no_own: Flags | None = None) -> dict[int, Array]:
     """Return how round faces follow those that they are tangent to, as for `_moves`."""
-    # those that can, of at least two others, with their radius kept where that does, or as both ends of a slot or key,
-    # tangent to the same; no more than so many in a row. Of those that move themselves fillets between planes alone,
-    # whose radius it is that changes
+    # those that can, of at least two others, with their radius kept where that does; with another radius both ends of a
+    # slot or key, tangent to the same, that have no size of their own (`no_own`). No more than so many in a row. Of
+    # those that move themselves fillets between planes alone, whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
@@ -153,7 +154,8 @@ def _followed(body: Body, offsets: Array) -> dict[int, Array]:
     for _ in range(CHAIN):
         before = dict(found)
         for k, tangencies in known.items():
-            both_ends = any(len(touched[k] & others) > 1 for other, others in touched.items() if other != k)
+            both_ends = no_own is not None and bool(no_own[list(rounds[k][1])].all()) and any(
+                len(touched[k] & others) > 1 for other, others in touched.items() if other != k)  # fmt: skip
             grows = 0.0
             if offsets[list(rounds[k][1])].any():
                 own_move, curved = moves[k], any(each.other in surface_of for each in tangencies)

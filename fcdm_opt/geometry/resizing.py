@@ -255,8 +255,8 @@ def _resized(body: Body, deviations: tuple[tuple[Size, float], ...]) -> Body:
 def _lengths(body: Body, made: Mapping[Size, float]) -> tuple[tuple[Size, ...], Array, Array]:
     """Return the sizes that are lengths off what is drawn, by how much, (k,), and how far faces move out, (faces,)."""
     lengths = {size: value for size, value in made.items() if size.is_length and value}
-    values = np.array([*lengths.values()])
-    return tuple(lengths), values, offsets_of_faces(body, tuple(lengths)) @ values
+    values, every = np.array([*lengths.values()]), [size for size in made if size.is_length]
+    return tuple(lengths), values, offsets_of_faces(body, every) @ np.array([made[size] for size in every])
 
 
 def _with_faces_moved(body: Body, made: Body, offsets: Array) -> Body:

@@ -694,6 +694,17 @@ def test_the_ends_of_a_feather_key_stayed_as_wide_when_its_flats_moved(width: fl
     assert worst.largest == pytest.approx(4.03 - (4.0 + min(width, 0.0) / 2.0), rel=1e-6)
 
 
+def test_round_ends_with_a_size_of_their_own_do_not_follow_their_flats_besides() -> None:
+    """Both .036 narrower, by two sizes: the gap along x is that of the ends, 4.03 - 3.982, once."""
+    key = fo.joined(*feather(8.0, "key"), name="key")
+    pocket = fo.cut(fo.Box((60, 24, 6)), *feather(8.06, "room"), name="pocket")
+    faces = {"flats": ["+y", "-y"], "ends": ["cylinder radius 4 no. 1", "cylinder radius 4 no. 2"]}
+    sizes = [fo.Size(name, "movable", faces=own, each=0.5, tolerance=0.05) for name, own in faces.items()]
+    asked = fo.Problem(key, pocket, sizes=sizes, made=dict.fromkeys(faces, -0.036), motion=fo.Translation("x"))
+    assert [surface.radius for surface, _ in round_surfaces(asked.movable)] == pytest.approx([3.982, 3.982], abs=1e-9)
+    assert fo.solve(asked).amount == pytest.approx(0.048, rel=1e-6)
+
+
 def test_the_round_end_between_two_flats_goes_with_the_one_that_moves() -> None:
     size = fo.Size("b", "movable", faces="+y")
     made = resized(fo.joined(*feather(8.0, "key"), name="key"), {size: 0.036})
