@@ -26,6 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 BENT = 0.3  # radians: how far the face turns across such a piece
 SHARE = 0.1  # of the body's size: it is no larger
 DEEP = 0.5  # of its width, and of the material there: its depth
+NARROWER = 4.0  # times how far the next such point is: there the face bends less across it
 LOWER = 0.02  # of its width: so much lower the ends of a line on it are, so that it touches in one point
 NEXT_TO_EDGE = 1e-2  # of the size: a point no further from an edge has a piece like one on it
 SMALL = 1e-6  # of the size: where no larger piece has room there is none
@@ -43,12 +44,13 @@ def exact_at(body: Body, points: Array) -> Body | None:
     if not round_surfaces(body):
         return found[0]
     inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
-    corners = np.concatenate([part.vertices for part in inner.parts])
+    drawn, known = np.concatenate([part.vertices for part in inner.parts]), np.zeros((0, 3))
     for point in np.asarray(points, float).reshape(-1, 3):
-        far = norms(corners - point).min() > DEFAULT.tie * body.size
-        if far and (own := _pieces(body, *point.tolist())):
+        next_to = float(norms(known - point).min(initial=np.inf))
+        far = min(next_to, norms(drawn - point).min()) > DEFAULT.tie * body.size
+        if far and (own := _pieces(body, NARROWER * next_to, *point.tolist())):
             pieces += own
-            corners = np.concatenate([corners, point[None]])
+            known = np.concatenate([known, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
     count = len(inner.vertices)
     made = list[PointPiece]()
@@ -68,7 +70,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
 
 
 @lru_cache(maxsize=256)  # each further point is asked for with those before it
-def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Array, Hull]]:
+def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple[int, ...], Array, Hull]]:
     """Return corners of a convex piece of the true solid at a point, those on the faces first; see `PointPiece`."""
     # of faces that go on in each other smoothly there, each has one of its own, as sizes may move either alone
     faces, point = true_faces(body), np.array(place)
@@ -91,7 +93,7 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
     # as places on the face are off those beside the point
     width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
-    width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
+    width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf, widest)
     depth = DEEP * min(width, faces.depth(point, -middle))
     if not min(width, depth) > SMALL * size:
         return []
@@ -114,7 +116,9 @@ def _pieces(body: Body, *place: float) -> list[tuple[Array, tuple[int, ...], Arr
         if len(directions) < 3:
             return []
     lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
-    ring = [_within(patches, point + width * direction - lower) for direction in directions]
+    bends = patches[0].bends(point[None])[0]
+    lowers = [lower if len(normals) > 1 or abs(d @ bends @ d) < DEFAULT.tie * bend else 0.0 for d in directions]
+    ring = [_within(patches, point + width * d - low) for d, low in zip(directions, lowers, strict=True)]
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
     chosen = [sorted(own) for own in product(*smooth)]

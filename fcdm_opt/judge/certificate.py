@@ -57,6 +57,7 @@ Judged = TypeVar("Judged", bound=Bounded)
 PROOF = "proof: "
 ONLY = "only motion"
 RESTORED = "contacts restored: none smaller by their equations, or no other motion"
+SHIFTED = "no shorter shift parts every two convex parts: by the directions along which they may be apart"
 NOT_BY_EQUATIONS = "the contacts' equations alone show less than the bound, and what keeps parts apart is not kept"
 FEW_PAIRS = 64  # part pairs up to which it is shown that they have no motion at all
 FEW = slice(4, None, 8)  # of the positions on a shift: sizes change in proportion, so overlaps are of stretches
@@ -190,6 +191,8 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
         if solution.problem.contacts:
             q = np.array([*solution.parameters.values()]) if solution.parameters else None
             shown, why = claimed if restored_at_least((solution.problem,), claimed, q) else shown, RESTORED
+        elif claimed > shown and _shifts_alone(solution.problem, claimed):
+            shown, why = claimed, SHIFTED
         elif claimed > shown and not _without_cells(solution.problem):
             evidence = imported("solver:evidence_of")(solution.problem)
             claimed *= 1.0 - ANEW
@@ -246,6 +249,15 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     return shown or none_shorter(problems, amount - slack)
 
 
+def _shifts_alone(problem: Problem, amount: float) -> bool:
+    """Tell whether no shift of a smaller amount does, by the directions along which convex parts may be apart."""
+    from fcdm_opt.proof.uniqueness import none_shorter
+
+    known = problem.amount == "weighted" and problem.motion.shifts and not problem.partial
+    slack = DEFAULT.requirement * amount + problem.contact_slack
+    return known and (amount <= slack or none_shorter((problem,), amount - slack))
+
+
 def _out_of_touch(problem: Problem) -> float:
     """Return the weighted amount from which on shifts leave no contact of the two bodies; infinite if none is known."""
     if not problem.motion.shifts or problem.goal == FIT:
@@ -293,7 +305,8 @@ def without_evidence(solution: Solution | AssemblySolution) -> str:
         return "; ".join(told)
     solution = solution.reformulated
     problem = solution.problem
-    known = solution.evidence is not None or (problem.contacts and all(own.passed for own in proof_checks(solution)))
+    anew = problem.contacts or problem.motion.shifts
+    known = solution.evidence is not None or (anew and all(own.passed for own in proof_checks(solution)))
     return "" if known else _unproved(solution)
 
 

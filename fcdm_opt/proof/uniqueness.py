@@ -141,7 +141,7 @@ def none_shorter(problems: Problems, least: float) -> bool:
         ways, met = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None], list[Array]()
         for kept_out, normals, gaps in gaps_of_parts(problem):
             rows = np.column_stack([-normals @ ways.T, -gaps / least])
-            alternatives.append([*(rows - room)[:, None]])
+            alternatives.append([*(rows[np.unique(rows.round(12), axis=0, return_index=True)[1]] - room)[:, None]])
             met += [] if kept_out else [-rows - room]
         every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
         alternatives += [met] if "touch" in (problem.goal, problem.pair) and every else []
@@ -154,11 +154,13 @@ def none_shorter(problems: Problems, least: float) -> bool:
         if amount >= 1.0:
             continue
         short = (own for own in alternatives if not any((x[:, :-1] @ y >= x[:, -1] - room[-1]).all() for x in own))
-        group = next(short, None)
-        if group is None:
+        near = [[own for own in group if (np.linalg.norm(own[:, :-1], axis=1) >= own[:, -1]).all()] for group in short]
+        if not near:
             return False
-        near = (own for own in group if (np.linalg.norm(own[:, :-1], axis=1) >= own[:, -1]).all())
-        nodes += [np.vstack([rows, own]) for own in near]
+        # one after the other, the nearest first: what the last one holds too is left to it
+        for own in sorted(min(near, key=len), key=lambda own: float((own[:, -1] - own[:, :-1] @ y).max())):
+            nodes.append(np.vstack([rows, own]))
+            rows = np.vstack([rows, -own]) if len(own) == 1 else rows
     return not nodes
 
 

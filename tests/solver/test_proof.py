@@ -355,3 +355,30 @@ def test_what_is_impossible_carries_evidence_that_is_checked(
     wider = dict.fromkeys(motion.names, (-20.0, 20.0))
     possible = problem.changed(movable=_block(0 if goal == "touch" else 1), limits=wider)
     assert not fo.verify(replace(denied, problem=possible), proof=True).passed
+
+
+def boxes(rng: np.random.Generator, count: int, low: tuple[float, ...], high: tuple[float, ...]) -> Any:
+    """Boxes that overlap one, with whole ends, (count, 2, 3)."""
+    corners = rng.integers(-3, 3, (count - 1, 3))
+    others = [(np.minimum(own, 0), np.maximum(own + rng.integers(2, 7, 3), 1)) for own in corners]
+    return np.array([(low, high), *others], float)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_judge_could_not_follow_what_keeps_unions_of_boxes_apart(seed: int) -> None:
+    """Least is a shift at a corner of what each two boxes forbid: all of these are looked at for the truth."""
+    rng = np.random.default_rng(seed)
+    one, two = boxes(rng, 3, (-1, -1, -1), (2, 2, 2)), boxes(rng, 5, (-2, -1, -2), (3, 2, 1))
+    bodies = (fo.Body.from_parts([[*itertools.product(*own.T)] for own in all_of], seed="box") for all_of in (one, two))
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    solution = fo.solve(fo.Problem(*bodies, motion=motion, target=(1, 1), goal="clear"), certify=True)
+
+    low, high = (np.array([b[k] - a[1 - k] for a in one for b in two]) for k in (0, 1))
+    ends = [np.unique([0.0, *low[:, k], *high[:, k]]) for k in range(3)]
+    free = [q for q in itertools.product(*ends) if not ((q > low) & (q < high)).all(axis=1).any()]
+    truth = min(math.hypot(*q) for q in free)
+    assert solution.amount == pytest.approx(truth, rel=1e-9)
+    certificate = fo.verify(solution, proof=True)
+    assert certificate.passed, certificate
+    planted = replace(solution, lower_bound=1.001 * truth, evidence=None)
+    assert not fo.verify(planted, proof=True).passed

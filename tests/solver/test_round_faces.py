@@ -166,6 +166,29 @@ def test_a_roller_in_a_v_block_touches_both_flanks(half: float, off: float) -> N
     assert solution.amount_low == pytest.approx(abs(off), rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("goal", "over", "above", "motion"),
+    [
+        ("touch", 0.01, 0.0, Y),
+        pytest.param("clear", 1e-4, 0.0, Y, marks=pytest.mark.slow),
+        pytest.param("clear", 0.01, 0.0, X >> Y, marks=pytest.mark.slow),
+        pytest.param("touch", 0.1, -3.0, Y, marks=pytest.mark.slow),
+    ],
+)
+def test_a_shaft_too_large_for_a_half_bore_rises_until_its_rims_let_it(
+    goal: str, over: float, above: float, motion: fo.Motion
+) -> None:
+    """To where it meets both rims, which are `above` the axis of the bore."""
+    bore, shaft = 20.0, 20.0 + over
+    block = fo.Box((60, 30, 40), centre=(0, above - 15, 0))
+    half = fo.cut(block, fo.Cylinder(bore, 60, base=(0, 0, -30)), name="half")
+    solution = usable(asked(fo.Cylinder(shaft, 80, base=(0, 0, -40), name="shaft"), half, motion, goal=goal))
+    truth = math.sqrt(shaft**2 - bore**2 + above**2) + above
+    slope = (truth - above) / shaft  # of the gap at the rims
+    assert solution.amount == pytest.approx(truth, abs=solution.problem.contact_slack / slope)
+    assert solution.amount_low == pytest.approx(truth, rel=1e-4)
+
+
 @pytest.mark.slow
 def test_a_bound_of_parts_apart_goes_on_for_longer_where_a_proof_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     block = fo.Prism([(-60, -9), (60, -9), (60, 30), (30, 30), (0, 0), (-30, 30), (-60, 30)], 60.0)
