@@ -21,6 +21,7 @@ from fcdm_opt.tolerances import DEFAULT
 # Nodes that `nearest_on` looks at, times as many as the most alternatives of one of several groups; those of a single
 # one are tried the nearest first. And the length beyond which nothing is of interest.
 MOST_NODES, MOST_WAYS, FARTHEST = 2000, 500_000, 1e6
+SOON = 200  # nodes: what they do not settle is mostly impossible
 
 
 class Rows(NamedTuple):
@@ -32,6 +33,17 @@ class Rows(NamedTuple):
     def and_also(self, normals: Array, levels: Array) -> Rows:
         """Return these conditions and further ones."""
         return Rows(np.concatenate([self.normals, normals]), np.concatenate([self.levels, levels]))
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """The least and the largest value of each parameter by the conditions on it alone, (k,) each."""
+        steep, which = np.abs(self.normals), np.abs(self.normals).argmax(axis=1)
+        low, high = np.full((2, self.normals.shape[1]), np.inf) * np.array([[-1.0], [1.0]])
+        alone = np.flatnonzero((steep > 0.0).sum(axis=1) == 1)
+        for row, k in zip(alone.tolist(), which[alone].tolist(), strict=True):
+            end, rises = self.levels[row] / self.normals[row, k], self.normals[row, k] > 0.0
+            low[k], high[k] = (max(low[k], end), high[k]) if rises else (low[k], min(high[k], end))
+        return low, high
 
     def about(self, point: Array, directions: Array | None = None) -> Rows:
         """Return the same conditions on what is added to a point, or on y where directions . y, (k, k), is added."""
@@ -118,6 +130,7 @@ class _Branch:
         self, rows: Rows, further: Rows, centre: Array, chosen: dict[int, int], group: int, first: int
     ) -> None:
         self.rows, self.further, self.chosen, self.group, self.first = rows, further, chosen, group, first
+        self.before = Rows(further.normals[:0], further.levels[:0])  # what those returned before leave
         arranged = compiled.arranged(*rows, *further, centre)
         self._arranged, self._done = (*arranged, np.argsort(np.maximum(arranged[3], 0.0), kind="stable")), 0
         self._found, self._lengths = np.empty_like(further.normals), np.full(len(further.levels), np.inf)
@@ -131,14 +144,18 @@ class _Branch:
         return length, k, self._found[k]
 
 
-def nearest(choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf) -> Nearest:
+def nearest(
+    choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf, rather_few: bool = False
+) -> Nearest:
     """Return the y nearest to `centre` that meets some rows, not none, and one alternative of every group.
 
     Up to `slack` a group counts as met. The search is left after so many nodes, and only what is nearer than `most`
-    is of interest.
+    is of interest. The group to meet next is the one missed by most, where `rather_few` of the fewest alternatives:
+    what is impossible is so after fewer nodes.
     """
     (normals, levels), firsts, groups = choices
     number, heap, lasts = count(), list[tuple[float, int, int, Array, _Branch]](), [*groups[1:].tolist(), len(firsts)]
+    single = np.diff(firsts, append=len(levels)) == 1
     kept = np.full(len(groups), -1)  # the alternative of each group, -1 where any will do
 
     def push(branch: _Branch) -> None:
@@ -155,18 +172,21 @@ def nearest(choices: Choices, start: Rows, centre: Array, *, slack: float, nodes
         y, chosen = x + centre, branch.chosen
         if branch.group >= 0:
             chosen = {**chosen, branch.group: branch.first + k}
-        rows = branch.rows.and_also(branch.further.normals[k : k + 1], branch.further.levels[k : k + 1])
-        for group, alternative in chosen.items():
-            kept[group] = alternative
-        worst, missed = compiled.worst_group(normals, levels, firsts, groups, kept, y)
+        normal, level = branch.further.normals[k : k + 1], branch.further.levels[k : k + 1]
+        rows = branch.rows.and_also(normal, level).and_also(*branch.before)
+        if branch.group >= 0 and branch.group not in branch.chosen and single[branch.first + k]:
+            branch.before = branch.before.and_also(-normal, -level)
+        for own, alternative in chosen.items():
+            kept[own] = alternative
+        group, missed = compiled.group_to_meet(normals, levels, firsts, groups, kept, y, slack, rather_few)
         if missed <= slack:
             return Nearest(y, rows, chosen)
-        first, last = (chosen[worst], chosen[worst] + 1) if worst in chosen else (int(groups[worst]), lasts[worst])
+        first, last = (chosen[group], chosen[group] + 1) if group in chosen else (int(groups[group]), lasts[group])
         places = compiled.furthest_rows(normals, levels, firsts, first, last, y)
-        for group in chosen:
-            kept[group] = -1
+        for own in chosen:
+            kept[own] = -1
         push(branch)
-        push(_Branch(rows, Rows(normals[places], levels[places]), centre, chosen, worst, first))
+        push(_Branch(rows, Rows(normals[places], levels[places]), centre, chosen, group, first))
     return Nearest(None, Rows(normals[:0], levels[:0]), {}, not heap)
 
 
@@ -188,7 +208,7 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     beyond = bool((start.levels > 0.0).any())
     if not (len(choices.groups) or beyond):
         return centre, True
-    left = _seen(choices, centre, free)
+    left = _seen(choices, limits, centre, free)
     if left is None:
         return None, True
     if not len(free) or not (len(left.groups) or beyond):
@@ -196,21 +216,29 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
     sizes = np.diff(left.groups, append=len(left.alternatives))
     nodes = min(MOST_NODES, MOST_WAYS // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
-    least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=nodes, most=FARTHEST)
+    for few, count in ((False, min(SOON, nodes)), (True, nodes)):
+        least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=count, rather_few=few, most=FARTHEST)
+        if least.complete:
+            break
     return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
 
 
-def _seen(choices: Choices, centre: Array, free: Array) -> Choices | None:
+def _seen(choices: Choices, limits: Rows, centre: Array, free: Array) -> Choices | None:
     """Return choices over z as choices over the null space, without what always holds; None where one never does."""
+    # by all z that limits of one parameter each leave, too
     rows, flat = _across(choices.rows, centre, free)
-    missed = flat & (rows.levels > DEFAULT.touch)
+    normals, levels = choices.rows
+    ends = (np.where(normals > 0.0, *own) for own in (limits.ends, limits.ends[::-1]))
+    least, most = ((normals * np.where(normals == 0.0, 0.0, own)).sum(axis=1) for own in ends)
+    missed = (flat & (rows.levels > DEFAULT.touch)) | (most < levels - DEFAULT.touch)
+    open_rows = ~flat & (least < levels)
     # of alternatives whether one never holds, and whether one always does
-    (never, never_all), (held, _) = (choices.of_rows(own.astype(np.float64)) for own in (missed, ~flat))
+    (never, never_all), (held, _) = (choices.of_rows(own.astype(np.float64)) for own in (missed, open_rows | missed))
     if (never_all > 0.0).any():
         return None
     group = choices.group_of_alternatives
     always = np.unique(group[(never == 0.0) & (held == 0.0)])
-    return choices._replace(rows=rows).only((never == 0.0) & ~np.isin(group, always), ~flat)
+    return choices._replace(rows=rows).only((never == 0.0) & ~np.isin(group, always), open_rows)
 
 
 def _across(rows: Rows, centre: Array, free: Array) -> tuple[Rows, Flags]:

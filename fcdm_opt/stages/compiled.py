@@ -73,18 +73,22 @@ _TINY = 1e-300
 
 @light
 @kernel
-def worst_group(normals, levels, alternatives, groups, kept, y):
-    """Return the group of conditions normals . y >= levels that y misses by most, and by how much; see `Choices`.
+def group_to_meet(normals, levels, alternatives, groups, kept, y, slack, rather_few):
+    """Return the group of conditions normals . y >= levels to meet next, and by how much y misses it; see `Choices`.
 
+    Of those missed by more than `slack` it is the one missed by most, where that is wanted of the fewest alternatives.
     A group is missed by as much as the best of its alternatives is, of those that `kept` names by that one, and an
     alternative by as much as the worst of its rows.
     """
-    worst, most = 0, -np.inf
+    chosen, fewest, most = 0, len(alternatives), -np.inf
     for g in range(len(groups)):
         first, last = groups[g], groups[g + 1] if g + 1 < len(groups) else len(alternatives)
         if kept[g] >= 0:
             first, last = kept[g], kept[g] + 1
         best = np.inf
+        if rather_few and last - first > fewest:
+            continue
+        fewer = rather_few and last - first < fewest
         for a in range(first, last):
             end = alternatives[a + 1] if a + 1 < len(alternatives) else len(levels)
             missed = -np.inf
@@ -96,11 +100,11 @@ def worst_group(normals, levels, alternatives, groups, kept, y):
                 if missed >= best:
                     break  # no better than another
             best = min(best, missed)
-            if best <= most:
-                break  # not the worst group
-        if best > most:
-            worst, most = g, best
-    return worst, most
+            if best <= (slack if fewer else max(most, slack)):
+                break  # it is not the one
+        if best > slack and (fewer or best > most):
+            chosen, fewest, most = g, last - first, best
+    return chosen, most
 
 
 @light
