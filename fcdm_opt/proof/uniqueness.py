@@ -158,7 +158,9 @@ def none_shorter(problems: Problems, least: float) -> bool:
         if not near:
             return False
         # one after the other, the nearest first: what the last one holds too is left to it
-        for own in sorted(min(near, key=len), key=lambda own: float((own[:, -1] - own[:, :-1] @ y).max())):
+        for own in sorted(
+            min(near, key=lambda group: len(group)), key=lambda own: float((own[:, -1] - own[:, :-1] @ y).max())
+        ):
             nodes.append(np.vstack([rows, own]))
             rows = np.vstack([rows, -own]) if len(own) == 1 else rows
     return not nodes

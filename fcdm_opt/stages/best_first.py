@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from functools import partial
 from itertools import count
 from typing import NamedTuple
 
@@ -145,7 +146,14 @@ class _Branch:
 
 
 def nearest(
-    choices: Choices, start: Rows, centre: Array, *, slack: float, nodes: int, most: float = np.inf, rather_few: bool = False
+    choices: Choices,
+    start: Rows,
+    centre: Array,
+    *,
+    slack: float,
+    nodes: int,
+    most: float = np.inf,
+    rather_few: bool = False,
 ) -> Nearest:
     """Return the y nearest to `centre` that meets some rows, not none, and one alternative of every group.
 
@@ -216,8 +224,9 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
     sizes = np.diff(left.groups, append=len(left.alternatives))
     nodes = min(MOST_NODES, MOST_WAYS // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
-    for few, count in ((False, min(SOON, nodes)), (True, nodes)):
-        least = nearest(left, start, np.zeros(len(free)), slack=DEFAULT.cut, nodes=count, rather_few=few, most=FARTHEST)
+    asked = partial(nearest, left, start, np.zeros(len(free)), slack=DEFAULT.cut, most=FARTHEST)
+    for few, tried in ((False, min(SOON, nodes)), (True, nodes)):
+        least = asked(nodes=tried, rather_few=few)
         if least.complete:
             break
     return (None, least.complete) if least.y is None else (centre + least.y @ free, True)
