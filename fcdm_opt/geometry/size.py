@@ -13,14 +13,21 @@ import numpy as np
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, Round, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import (
+    ROUND_KINDS,
+    SIDES,
+    Round,
+    faces_text,
+    names_of_rows,
+    round_faces,
+    selectors_of_rows,
+)
 from fcdm_opt.geometry.polygons import hold
 from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
 
 FACES_LISTED = 12  # of a body, where none of them is meant
-FEW = 8  # faces that are told by name
 SELECTORS = (
     '"+x", "-z" (outward normal), "F3", "top" or "bore radius 8" (as `fcdm-opt faces` lists them; of a round face all '
     'facets), { through = [x, y, z] } (a point of the face) or { around = [x, y, z], axis = "z", radius = r } (all '
@@ -308,7 +315,7 @@ class Size(Plain):
                         named.setdefault(told, []).append(row)
                 if selector in named:
                     return np.array(named[selector])
-            known = ", ".join(dict.fromkeys(_names(body)))
+            known = ", ".join(dict.fromkeys(selectors_of_rows(body)))
             raise self._refused(f"no face of body '{body.name}' has this name", key, selector, known)
         if isinstance(selector, str) and selector[0] == "F":
             row = int(selector[1:]) - 1
@@ -407,37 +414,23 @@ def _dimension(size: Size, body: Body) -> _Dimension | None:
     return next((found for rate, found in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), None)
 
 
-def _names(body: Body) -> list[str]:
-    """Return what selects each face of a body: its name, or its label where it has none."""
-    return [f"F{name[5:]}" if name.startswith("face ") else name for name in names_of_rows(body)]
-
-
-def faces_text(body: Body, rows: Sequence[int]) -> str:
-    """Return faces in words, as `fcdm-opt faces` lists them: "face bottom", "faces F3, F7", "bore radius 8"."""
-    names = _names(body)
-    ends = [name.split(" no. ")[0] for name in names]
-    others = {ends[row] for row in range(len(ends)) if row not in {*rows}}
-    told = [*dict.fromkeys(ends[row] if ends[row] in {*SIDES} - others else names[row] for row in rows)]
-    few = ", ".join(told[:FEW]) + ", ..." * (len(told) > FEW)
-    return few if " radius " in few else f"face{'s' * (len(told) > 1)} {few}" * bool(told)
+def spans(body: Body, rows: Sequence[int]) -> tuple[Array, Array]:
+    """Return the least and the largest coordinates of faces along two axes in the plane of the first, (faces, 2)."""
+    sides = np.linalg.svd(body.face_planes[0][[*rows[:1]]])[2][1:].T
+    each = [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows]
+    return np.array([x.min(axis=0) for x in each]), np.array([x.max(axis=0) for x in each])
 
 
 def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) -> Ints:
     """Return which of the faces that look the other way faces are opposite to, through room or through material."""
     # those nearest along the normal on the side from which the faces move away, of those they overlap in projection
-    sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
-    (mine, theirs) = (
-        [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows.tolist()] for rows in (own, across)
-    )
-    lows, highs = np.min([x.min(axis=0) for x in mine], axis=0), np.max([x.max(axis=0) for x in mine], axis=0)
-    over = [bool(((x.max(axis=0) > lows) & (x.min(axis=0) < highs)).all()) for x in theirs]
+    lows, highs = spans(body, [*own, *across])
+    low, high = lows[: len(own)].min(axis=0), highs[: len(own)].max(axis=0)
+    lows, highs = np.maximum(lows[len(own) :], low), np.minimum(highs[len(own) :], high)
     off = -np.sign(moved) * (levels[across] - levels[own[0]])
-    known = np.array(over, bool) & (off > DEFAULT.nominal * body.size)
+    known = (highs > lows).all(axis=1) & (off > DEFAULT.nominal * body.size)
     near = known & (off <= off[known].min(initial=np.inf) + DEFAULT.nominal * body.size)
-    ends = [np.array([np.maximum(x.min(axis=0), lows), np.minimum(x.max(axis=0), highs)]) for x in theirs]
-    hidden = [
-        any(((a[0] >= b[0]) & (a[1] <= b[1])).all() for b, at in zip(ends, near, strict=True) if at) for a in ends
-    ]
+    hidden = [((a >= lows[near]) & (b <= highs[near])).all(axis=1).any() for a, b in zip(lows, highs, strict=True)]
     return across[known & (near | ~np.array(hidden, bool))]  # those behind them that show beside them, too
 
 

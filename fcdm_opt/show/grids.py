@@ -15,7 +15,8 @@ from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST
 from fcdm_opt.design.compensation.sampling import sample_at
-from fcdm_opt.geometry.size import Size, faces_text
+from fcdm_opt.geometry.naming import faces_text
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene

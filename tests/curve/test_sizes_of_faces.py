@@ -208,7 +208,7 @@ def test_a_slot_that_closes_is_refused_with_its_walls() -> None:
     walls = [{"through": (x, 0.5, 1.5)} for x in (1.0, 2.0)]
     size = fo.Size("w", "static", faces=walls, each=1.0)
     assert volume(resized(body, {size: 0.49})) == pytest.approx(6.0 - 0.02, rel=1e-6)
-    with pytest.raises(fo.InputError, match=r"otherwise than as drawn: face F\d+, face F\d+; found 'w = 0.51'"):
+    with pytest.raises(fo.InputError, match=r"otherwise than as drawn: faces F\d+, F\d+; found 'w = 0.51'"):
         resized(body, {size: 0.51})
 
 
@@ -247,14 +247,13 @@ def test_shipped_solids_change_their_volume_by_a_face_s_area(name: str) -> None:
 
 def test_where_a_face_vanishes_is_told_with_the_face() -> None:
     body = fo.Body.convex([(0, 0, 0), (4, 0, 0), (4, 2, 0), (0, 2, 0), (1, 0, 1), (3, 0, 1), (3, 2, 1), (1, 2, 1)])
-    top = next(k for k, n in enumerate(body.face_planes[0]) if n[2] > 0.99)
     size = fo.Size("height", "movable", faces="+z", tolerance=0.5)
     assert resized(body, {size: 0.9}).vertices[:, 2].max() == pytest.approx(1.9)
-    with pytest.raises(fo.InputError, match=rf"vanishes.*F{top + 1}|F{top + 1}.*vanishes"):
+    with pytest.raises(fo.InputError, match="vanishes.*face top|face top.*vanishes"):
         resized(body, {size: 1.1})  # the sides meet at a height of 2
     factor, where = Resizing.of(body, [size]).reach(np.array([-0.5]), np.array([0.5]))
     assert factor == pytest.approx(2.0)
-    assert "F" in where
+    assert "face top" in where
 
 
 def test_a_stack_says_from_where_on_parts_as_made_are_refused() -> None:

@@ -17,7 +17,8 @@ from fcdm_opt.design.whatif.fitting import usable_answer
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.size import Size, direction, faces_text
+from fcdm_opt.geometry.naming import faces_text
+from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import floored, measured, signed
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import drawn, finite
