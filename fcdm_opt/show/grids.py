@@ -96,18 +96,17 @@ def _headings(found: CompensationMap, scene: Scene) -> list[_Heading]:
     own, made = {size.name: size for size in scene.sizes}, list[_Heading]()
     ends = list(zip(found.over, np.asarray(found.box).tolist(), strict=True))
     for name, nominal in zip(found.over, found.nominal, strict=True):
-        if name in own:
-            size, others = own[name], [{}, *({other: end} for other, box in ends for end in box if other != name)]
+        if size := own.get(name):
+            others = [{}, *({other: end} for other, box in ends for end in box if other != name)]
             lengths, *moved = (scene.dimensions_at(size, values) for values in others)
-            face = next(iter(lengths), "")
-            if len(lengths) != 1 or not np.allclose(
-                [x.get(face, np.nan) for x in moved], lengths[face], DEFAULT.nominal
-            ):
-                body = scene.drawn[size.body]
-                told = " of ".join(filter(None, (name, faces_text(body, np.flatnonzero(size.offsets(body)).tolist()))))
-                made.append(_Heading(told, "off drawn", partial(_deviation, size, found.unit)))
+            face, body = next(iter(lengths), ""), scene.drawn[size.body]
+            ends_moved = [x.get(face, np.nan) for x in moved]
+            if known := len(lengths) == 1 and np.allclose(ends_moved, lengths[face], DEFAULT.nominal):
+                words = [name, "to", face]
             else:
-                made.append(_Heading(f"{name} to {face}" if face else name, "", partial(_size_made, scene, size)))
+                words = [name, "of", faces_text(body, np.flatnonzero(size.offsets(body)).tolist())]
+            text = partial(_size_text, scene, size, known)
+            made.append(_Heading(" ".join(words if words[2] else words[:1]), "" if known else "off drawn", text))
             continue
         part = [*scene.drawn][[*scene.nominal_scales].index(name)]
         extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
@@ -118,15 +117,11 @@ def _headings(found: CompensationMap, scene: Scene) -> list[_Heading]:
     return made
 
 
-def _deviation(size: Size, unit: str, off: float) -> str:
-    """Return a deviation from drawn: "-0.036 mm"."""
-    return size.deviation_text(off, unit, DIGITS) if (off := round(off, 9)) else "as drawn"
-
-
-def _size_made(scene: Scene, size: Size, off: float) -> str:
-    """Return what a size measures by its deviation from drawn: "9.964 mm (-0.036)"."""
-    length = next(iter(scene.dimensions_at(size, {size.name: off}).values()), np.nan)
-    return f"{measured(length, scene.unit)} ({_deviation(size, '', off)})"
+def _size_text(scene: Scene, size: Size, known: bool, off: float) -> str:
+    """Return what a size measures by its deviation from drawn, "9.964 mm (-0.036)"; that alone: "-0.036 mm"."""
+    (length,) = scene.dimensions_at(size, {size.name: off}).values() if known else (np.nan,)
+    told = size.deviation_text(off, "" if known else scene.unit, DIGITS) if (off := round(off, 9)) else "as drawn"
+    return f"{measured(length, scene.unit)} ({told})" if known else told
 
 
 def _scale_text(unit: str, nominal: float, length: float, value: float) -> str:
