@@ -32,7 +32,7 @@ from fcdm_opt.geometry.moving_faces import between_planes
 from fcdm_opt.geometry.naming import ROUND, ROUND_KINDS, described_faces, names_of_rows, round_faces
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
-from fcdm_opt.geometry.size import Size, direction
+from fcdm_opt.geometry.size import Size, direction, spans
 from fcdm_opt.geometry.tessellation import TESSELLATED
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed
 from fcdm_opt.model.mesh_error import with_mesh_error
@@ -515,11 +515,8 @@ def _across(body: Body, i: int, j: int) -> str:
 
 def _lie_over(body: Body, i: int, j: int) -> bool:
     """Tell whether two parallel faces lie over one another, by the boxes round them in their plane."""
-    first, second = (body.vertices[np.array(body.faces[k]) - 1] for k in (i, j))
-    _, _, axes = np.linalg.svd(body.face_planes[0][i][None])
-    one, two = first @ axes[1:].T, second @ axes[1:].T
-    shared = np.minimum(one.max(axis=0), two.max(axis=0)) - np.maximum(one.min(axis=0), two.min(axis=0))
-    return bool(shared.min() > DEFAULT.snap * body.size)
+    lows, highs = spans(body, (i, j))
+    return bool((highs.min(axis=0) - lows.max(axis=0)).min() > DEFAULT.snap * body.size)
 
 
 def _extent(body: Body, unit: str) -> str:

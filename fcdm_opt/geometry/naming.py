@@ -33,6 +33,7 @@ ASLANT = 0.2  # component of a normal from which on a face looks along that axis
 FEW, MOST = 4, 6  # digits of a radius: of files of early versions; that are told, as far as corners agree in them
 NUMBER = re.compile(r" no\. \d+$")
 RADIUS = re.compile(r"(?<= radius )\S+|(?<= to )\S+")
+MOST_NAMED = 4  # faces that are listed by name
 NUMBERED = 24  # corners of a body up to which one is told by its number
 TIP = 1e-9  # of the largest radius: one so small is where a cone ends in its tip
 ALONG = np.linspace(0.0, 1.0, 17)[1:-1, None]  # places on an edge
@@ -247,6 +248,23 @@ def names_of_rows(body: Body, *, four_digits: bool = False) -> list[str]:
     return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
 
 
+def selectors_of_rows(body: Body) -> list[str]:
+    """Return what selects each face of a body: its name, or its label where it has none."""
+    return [f"F{name[5:]}" if name.startswith("face ") else name for name in names_of_rows(body)]
+
+
+def faces_text(body: Body, rows: Sequence[int]) -> str:
+    """Return faces in words, as `fcdm-opt faces` lists them: "face bottom", "faces F3, F7", "bore radius 8"."""
+    names = selectors_of_rows(body)
+    ends = [name.split(" no. ")[0] for name in names]
+    others = {ends[row] for row in range(len(ends)) if row not in {*rows}}
+    texts = [*dict.fromkeys(ends[row] if ends[row] in {*SIDES} - others else names[row] for row in rows)]
+    texts.sort(key=lambda text: " radius " in text)
+    plane = sum(" radius " not in text for text in texts)
+    few = ", ".join(texts[:MOST_NAMED]) + ", ..." * (len(texts) > MOST_NAMED)
+    return f"face{'s' * (plane > 1)} {few}" if plane else few
+
+
 def normals_of_faces(body: Body) -> dict[Label, Array]:
     """Return a normal of each face that a part carries."""
     if body.triangles:
@@ -401,12 +419,6 @@ def _cone(body: Body, faces: list[Label], normals: dict[Label, Array], apex: Arr
     surface = Swept(apex - start / steep * axis, axis, (float(line[0]), float(line[1])), 0.0, 0.0)
     name = f"{'cone' if outward else 'countersink'} radius {_ends(away)}"
     return Round(name, surface, faces)
-
-
-def numbered_face(body: Body, face: int, more: str = "") -> str:
-    """Return a face by its number, one of the facets of a round face as that."""
-    label = told_element(body, Element("F", body.faces[face]))
-    return with_article(label) if is_round(label) else f"face F{face + 1}{more}"
 
 
 def _ends(radii: Array) -> str:

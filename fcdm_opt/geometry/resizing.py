@@ -30,12 +30,12 @@ from fcdm_opt.geometry.moving_faces import (
     side_of,
     split_corner,
 )
-from fcdm_opt.geometry.naming import GENTLE, neighbours, numbered_face
+from fcdm_opt.geometry.naming import GENTLE, faces_text, neighbours
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
-from fcdm_opt.geometry.size import Size, direction
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.true_resizing import (
     corners_on_true_faces,
@@ -167,7 +167,7 @@ class Resizing:
         face, body = int(own.faces[facet]), f"of body '{self.body.name}'"
         if face < 0:
             return f"a cut {body}"
-        return f"{numbered_face(self.body, face, f' ({direction(own.part.normals[facet])})')} {body}"
+        return f"{faces_text(self.body, (face,))} {body}"
 
     def parted(self) -> str:
         """Return which faces move and not those that go on from them, nearly in one plane; "" where none are."""
@@ -176,10 +176,7 @@ class Resizing:
         moved = np.abs(self.faces).max(axis=1, initial=0.0) > 0.0
         turned = (normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1)
         pairs = pairs[(turned > GENTLE) & (moved[pairs[:, 0]] != moved[pairs[:, 1]])]
-        move, stay = (
-            ", ".join(dict.fromkeys(numbered_face(body, k) for k in np.unique(pairs[moved[pairs] == own]).tolist()))
-            for own in (True, False)
-        )
+        move, stay = (faces_text(body, np.unique(pairs[moved[pairs] == own]).tolist()) for own in (True, False))
         return f"{move} move, and {stay}, which go on from there, do not" if len(pairs) else ""
 
     def inclined(self) -> str:

@@ -6,14 +6,22 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, numbers
+from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import ROUND_KINDS, SIDES, Round, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import (
+    ROUND_KINDS,
+    SIDES,
+    Round,
+    faces_text,
+    names_of_rows,
+    round_faces,
+    selectors_of_rows,
+)
 from fcdm_opt.geometry.polygons import hold
 from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain
@@ -107,9 +115,9 @@ class Size(Plain):
         """Tell whether a deviation is outside of the tolerance, if there is one."""
         return self.tolerance is not None and not self.tolerance[0] <= off <= self.tolerance[1]
 
-    def deviation_text(self, off: float, unit: str) -> str:
+    def deviation_text(self, off: float, unit: str, digits: int = 6) -> str:
         """Return a deviation from drawn in words, of a scale in per cent: "+0.036 mm", "-0.1 %"."""
-        exact = signed(off if self.is_length else 100.0 * off, 6) if off else "0"
+        exact = signed(off if self.is_length else 100.0 * off, digits) if off else "0"
         return measured(exact, unit if self.is_length else "%")
 
     @property
@@ -159,44 +167,48 @@ class Size(Plain):
         """
         return _offsets(self, body)
 
-    def drawn(self, body: Body) -> float:
-        """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
+    def dimensions(self, body: Body, made: Mapping[Size, float] | None = None) -> dict[str, float]:
+        """Return what it measures, by the face that this is measured to: "face bottom", "" where both ends are its own.
 
-        nan where nothing that can be measured on the part grows by as much as the size: where a slot moves as a whole,
-        or a single face without just one plane opposite to it, or beside it as of a step. Of the end of a tongue, a pin
-        or a pocket it is how far that stands out of the plane that it stands on, not the part's own length.
+        A width, a diameter or radius, the length of what is scaled; of `body` as drawn, with what sizes `made` are off,
+        those that move the other end too. Several where these part faces that are in one plane as drawn. Empty where
+        nothing that can be measured on the part grows by as much as the size: where a slot moves as a whole, or a
+        single face without just one plane opposite to it, or beside it as of a step; and where sizes part its own
+        faces. Of the end of a tongue, a pin or a pocket it is how far that stands out of the plane that it stands on,
+        not the part's own length.
         """
-        if self.scale is not None:
-            extents = np.ptp(body.vertices @ self.directions(), axis=0)
-            return float(extents.max() if self.scale == "xyz" else np.linalg.norm(extents))
-        moved, (normals, points) = self.offsets(body), body.face_planes
-        rows, grown = np.flatnonzero(moved), dict[float, float]()  # by how much it grows a unit of the size
-        rounds = self._round_faces(body)
-        if len({face.name for face in rounds}) == 1 and np.ptp(moved[rows]) == 0.0:
-            side = 1.0 if rounds[0].name.startswith(ROUND_KINDS[::2]) else -1.0
-            grown = {side * k * float(moved[rows[0]]): k * rounds[0].surface.radius for k in (1.0, 2.0)}
-        towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
-        ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
-        own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
-        if len(own) and not len(also):
-            across = _opposite(body, own, across, levels, float(moved[own[0]]))
-        several = not len(also) and len(across) > 0 and np.ptp(levels[across]) > DEFAULT.nominal * body.size
-        for others in (also,) if len(also) else (across, np.setdiff1d(ahead, rows)):  # these stay: a width, or a step
-            one_plane = len(others) and np.ptp(levels[others]) <= DEFAULT.nominal * body.size
-            if one_plane and len(own) + len(also) == len(rows):
-                width = levels[own[0]] - levels[others[0]]
-                rate, length = float(np.sign(width) * (moved[own[0]] + moved[others[0]])), abs(float(width))
-                first = rate not in grown and not several
-                if first or (length < grown.get(rate, np.inf) and _surrounded(body, own, others)):
-                    grown[rate] = length
-        return next((length for rate, length in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), np.nan)
+        found, off = _dimension(self, body), {own: x for own, x in (made or {}).items() if own.body == self.body}
+        if found is None:
+            return {}
+        grown = [x * own.offsets(body) for own, x in off.items() if found.others[0] >= 0 or not own.along]  # no radius
+        moved, near = np.sum([*grown, np.zeros(len(body.faces))], axis=0), DEFAULT.nominal * body.size
+        moved = np.append(moved, np.nan if found.own[0] < 0 and moved.any() else 0.0)  # where no face is, row -1
+        stretch = np.eye(3) + sum(x * own.directions() for own, x in off.items())
+        lengths = found.length / np.linalg.norm(np.linalg.solve(stretch, found.along.T), axis=0)[:, None]
+        across = body.face_planes[0][found.others] @ found.along[0]  # -1 of a width, 1 of a step
+        lengths = lengths + found.rate * (moved[found.own][:, None] - across * moved[found.others])
+        if not np.ptp(lengths, axis=0).max() <= near:
+            return {}
+        alike = groups_of(np.unique(np.rint(lengths[0] / near), return_inverse=True)[1])
+        names = [faces_text(body, found.others[each].tolist()) * (not found.is_whole) for each in alike]
+        each = {name: float(lengths[0, own[0]]) for name, own in zip(names, alike, strict=True)}
+        return each if len(each) == len(alike) else {}
 
-    def position(self, body: Body) -> float:
-        """Return where the axis or centre of what moves is as drawn, along the direction it moves in; nan of others."""
+    def position(self, body: Body, made: Mapping[Size, float] | None = None) -> float:
+        """Return where the axis or centre of what moves is, along the direction it moves in; nan of others.
+
+        `body` as drawn, `made` what sizes are off.
+        """
         rounds = [] if self.along is None else self._round_faces(body)
-        places = [float(face.surface.origin @ np.array(self.along)) for face in rounds]
-        across = all(abs(face.surface.axis @ np.array(self.along)) <= DEFAULT.nominal for face in rounds)
-        return places[0] if places and across and np.ptp(places) <= DEFAULT.snap * body.size else np.nan
+        if not rounds:
+            return np.nan
+        along, off = np.array(self.along), {own: x for own, x in (made or {}).items() if own.body == self.body}
+        stretch = np.eye(3) + sum(x * own.directions() for own, x in off.items())
+        rows = np.flatnonzero(self.offsets(body))
+        shift = sum(x * along @ own.along for own, x in off.items() if own.along and own.offsets(body)[rows].any())
+        places = [float(along @ (body.seed + stretch @ (face.surface.origin - body.seed)) + shift) for face in rounds]
+        across = all(abs(face.surface.axis @ along) <= DEFAULT.nominal for face in rounds)
+        return places[0] if across and np.ptp(places) <= DEFAULT.snap * body.size else np.nan
 
     def _round_faces(self, body: Body) -> list[Round]:
         """Return the cylinders and spheres that make up its faces; none where there are other faces, too."""
@@ -303,8 +315,7 @@ class Size(Plain):
                         named.setdefault(told, []).append(row)
                 if selector in named:
                     return np.array(named[selector])
-            names = (f"F{name[5:]}" if name.startswith("face ") else name for name in names_of_rows(body))
-            known = ", ".join(dict.fromkeys(names))
+            known = ", ".join(dict.fromkeys(selectors_of_rows(body)))
             raise self._refused(f"no face of body '{body.name}' has this name", key, selector, known)
         if isinstance(selector, str) and selector[0] == "F":
             row = int(selector[1:]) - 1
@@ -353,22 +364,73 @@ class Size(Plain):
         return rows
 
 
+class _Dimension(NamedTuple):
+    """A length that a size is the deviation of, as drawn, between faces by their rows: -1 where there is none."""
+
+    length: float
+    along: Array  # directions in which it is measured, (1 or faces, 3)
+    own: Ints  # faces at one end, or of what is round
+    others: Ints  # faces at the other end
+    rate: float  # by how much it grows a unit that the own faces move outward
+    is_whole: bool  # whether both ends are the size's
+
+
+@lru_cache(maxsize=128)
+def _dimension(size: Size, body: Body) -> _Dimension | None:
+    """Return what a size measures, None where that is no length."""
+    (normals, points), none, near = body.face_planes, np.array([-1]), DEFAULT.nominal * body.size
+    moved, grown = size.offsets(body), dict[float, _Dimension]()  # by how much it grows a unit of the size
+    if size.scale is not None:
+        longest = np.eye(3)[np.ptp(body.vertices @ size.directions(), axis=0).argmax()]
+        along = longest if isinstance(size.scale, str) else np.array(size.scale)
+        (low, high), looks, at = np.sort(body.vertices @ along)[[0, -1]], normals @ along, points @ along
+        own, others = (
+            np.flatnonzero(abs(at - x) + abs(looks - n) * body.size <= near) for x, n in ((high, 1), (low, -1))
+        )
+        own, others = (own, others) if len(own) and len(others) else (none, none)
+        return _Dimension(float(high - low), along[None], own, others, 1.0, True)
+    rows, rounds = np.flatnonzero(moved), size._round_faces(body)
+    if len({face.name for face in rounds}) == 1 and np.ptp(moved[rows]) == 0.0:
+        side = 1.0 if rounds[0].name.startswith(ROUND_KINDS[::2]) else -1.0
+        for k in (1.0, 2.0):
+            length = k * rounds[0].surface.radius
+            grown[side * k * float(moved[rows[0]])] = _Dimension(length, normals[rows], rows, none, side * k, True)
+    towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
+    ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
+    own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
+    if len(own) and not len(also):
+        across = _opposite(body, own, across, levels, float(moved[own[0]]))
+    several = not len(also) and len(across) > 0 and np.ptp(levels[across]) > near
+    for others in (also,) if len(also) else (across, np.setdiff1d(ahead, rows)):  # these stay: a width, or a step
+        one_plane = len(others) and max(np.ptp(levels[own]), np.ptp(levels[others])) <= near
+        if one_plane and len(own) + len(also) == len(rows):
+            width = float(levels[own[0]] - levels[others[0]])
+            found = _Dimension(abs(width), normals[own[:1]], own, others, float(np.sign(width)), len(also) > 0)
+            rate = found.rate * float(moved[own[0]] + moved[others[0]])
+            first = rate not in grown and not several
+            shorter = rate not in grown or found.length < grown[rate].length
+            if first or (shorter and _surrounded(body, own, others)):
+                grown[rate] = found
+    return next((found for rate, found in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), None)
+
+
+def spans(body: Body, rows: Sequence[int]) -> tuple[Array, Array]:
+    """Return the least and the largest coordinates of faces along two axes in the plane of the first, (faces, 2)."""
+    sides = np.linalg.svd(body.face_planes[0][[*rows[:1]]])[2][1:].T
+    each = [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows]
+    return np.array([x.min(axis=0) for x in each]), np.array([x.max(axis=0) for x in each])
+
+
 def _opposite(body: Body, own: Ints, across: Ints, levels: Array, moved: float) -> Ints:
     """Return which of the faces that look the other way faces are opposite to, through room or through material."""
     # those nearest along the normal on the side from which the faces move away, of those they overlap in projection
-    sides = np.linalg.svd(body.face_planes[0][own[:1]])[2][1:].T
-    (mine, theirs) = (
-        [body.vertices[np.array(body.faces[k]) - 1] @ sides for k in rows.tolist()] for rows in (own, across)
-    )
-    lows, highs = np.min([x.min(axis=0) for x in mine], axis=0), np.max([x.max(axis=0) for x in mine], axis=0)
-    over = [bool(((x.max(axis=0) > lows) & (x.min(axis=0) < highs)).all()) for x in theirs]
+    lows, highs = spans(body, [*own, *across])
+    low, high = lows[: len(own)].min(axis=0), highs[: len(own)].max(axis=0)
+    lows, highs = np.maximum(lows[len(own) :], low), np.minimum(highs[len(own) :], high)
     off = -np.sign(moved) * (levels[across] - levels[own[0]])
-    known = np.array(over, bool) & (off > DEFAULT.nominal * body.size)
+    known = (highs > lows).all(axis=1) & (off > DEFAULT.nominal * body.size)
     near = known & (off <= off[known].min(initial=np.inf) + DEFAULT.nominal * body.size)
-    ends = [np.array([np.maximum(x.min(axis=0), lows), np.minimum(x.max(axis=0), highs)]) for x in theirs]
-    hidden = [
-        any(((a[0] >= b[0]) & (a[1] <= b[1])).all() for b, at in zip(ends, near, strict=True) if at) for a in ends
-    ]
+    hidden = [((a >= lows[near]) & (b <= highs[near])).all(axis=1).any() for a, b in zip(lows, highs, strict=True)]
     return across[known & (near | ~np.array(hidden, bool))]  # those behind them that show beside them, too
 
 

@@ -19,7 +19,7 @@ from fcdm_opt.geometry.crossings import first_crossing
 from fcdm_opt.geometry.facet_errors import errors_about, facet_errors, round_surfaces
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.moving_faces import MovesOfFaces, moved_surfaces
-from fcdm_opt.geometry.naming import numbered_face
+from fcdm_opt.geometry.naming import faces_text
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface, rims
 from fcdm_opt.geometry.tessellation import RoundFaces, Swept, onto_crossings
@@ -100,11 +100,11 @@ def surface_with_corners(
     crossing = first_crossing(rows / body.size, found[broad], DEFAULT.planarity)
     if crossing is not None:
         one, two = sorted(owners[broad[[crossing.one, crossing.two]]].tolist())
-        raise InputError(f"faces meet otherwise than as drawn: {numbered_face(body, one)}, {numbered_face(body, two)}")
+        raise InputError(f"faces meet otherwise than as drawn: {faces_text(body, (one, two))}")
     if len(broad) < len(areas):
         face = int(owners[areas.argmin()])
         gone = np.bincount(owners, areas)[face] <= DEFAULT.planarity * body.size**2
-        raise InputError(f"{numbered_face(body, face)} {'vanishes' if gone else 'meets itself'}")
+        raise InputError(f"{faces_text(body, (face,))} {'vanishes' if gone else 'meets itself'}")
     return Surface.of(rows, found, owners)
 
 

@@ -117,6 +117,12 @@ class AnyScene:
         named = zip(self.nominal_scales, self.scales_made.items(), strict=True)
         return {part: values.get(name, scale) for name, (part, scale) in named}
 
+    def dimensions_at(self: Any, size: Size, values: Mapping[str, float]) -> dict[str, float]:
+        """Return what a size measures where some sizes and scales have values, others as made: `Size.dimensions`."""
+        made = {own: values.get(own.name, (self.made or {}).get(own.name, 0.0)) for own in self.sizes}
+        scale = self.scales_at(values)[size.body]
+        return {face: scale * x for face, x in size.dimensions(self.drawn[size.body], made).items()}
+
 
 if TYPE_CHECKING:
     Scene: TypeAlias = Problem | Assembly  # of which a check of types knows all that both have

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -14,11 +15,14 @@ from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST
 from fcdm_opt.design.compensation.sampling import sample_at
+from fcdm_opt.geometry.naming import faces_text
+from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
 from fcdm_opt.moved_files import to_csv, write
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.show.rendering import rendered
-from fcdm_opt.show.texts import number
+from fcdm_opt.show.texts import DIGITS, number
+from fcdm_opt.tolerances import DEFAULT
 
 LINES = {1: 21, 2: 11, 3: 5}  # values of each size that are listed, of a map over so many; of more 3
 UNSURE = 0.1  # of the largest amount: a motion that may be off by more is not told
@@ -63,16 +67,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     most = max(found.error, UNSURE * float(np.nanmax(points.amount, initial=0.0)))
     between = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # of motions found beside it, on a jump
     unknown = (late | between).reshape(shape)
-    heads = [
-        [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
-        if not nominal
-        else [f"{own.length * value:.6g} {found.unit}" for value in values]
-        if found.unit
-        else [f"{signed(100.0 * off)} %" if off else "as nominal" for off in np.round(values / nominal - 1.0, 9)]
-        for values, nominal, unit, own in zip(
-            sizes, found.nominal, units_over(found), _measured(found, scene), strict=True
-        )
-    ]
+    heads = [[own.text(x) for x in values.tolist()] for values, own in zip(sizes, _headings(found, scene), strict=True)]
     *down, across = heads if len(heads) > 1 else (*heads, [""])
     rows = [" / ".join(row) for row in product(*down)]
     made = []
@@ -88,38 +83,51 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     return made
 
 
-class _Length(NamedTuple):
-    """What is measured of a size as drawn, nan where that is not one length; of a scale the part, where it is longest.
-
-    `name` says what it is of, `off` what it is told as where that is no length.
-    """
+class _Heading(NamedTuple):
+    """What a line of a grid is called: what is measured, what it is told as where that is no length, its values."""
 
     name: str
-    length: float
     off: str
+    text: Callable[[float], str]
 
 
-def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
-    """Return what is measured of the sizes that a map is over."""
-    own, made = {size.name: size for size in scene.sizes}, list[_Length]()
-    for name in found.over:
-        if name in own:
-            length = own[name].drawn(scene.drawn[own[name].body])
-            made.append(_Length(name, length, "off drawn" if np.isnan(length) else ""))
+def _headings(found: CompensationMap, scene: Scene) -> list[_Heading]:
+    """Return what is measured of the sizes that a map is over; of scales the part, where it is longest."""
+    own, made = {size.name: size for size in scene.sizes}, list[_Heading]()
+    ends = list(zip(found.over, np.asarray(found.box).tolist(), strict=True))
+    for name, nominal in zip(found.over, found.nominal, strict=True):
+        if size := own.get(name):
+            others = [{}, *({other: end} for other, box in ends for end in box if other != name)]
+            lengths, *moved = (scene.dimensions_at(size, values) for values in others)
+            face, body = next(iter(lengths), ""), scene.drawn[size.body]
+            ends_moved = [x.get(face, np.nan) for x in moved]
+            if known := len(lengths) == 1 and np.allclose(ends_moved, lengths[face], DEFAULT.nominal):
+                words = [name, "to", face]
+            else:
+                words = [name, "of", faces_text(body, np.flatnonzero(size.offsets(body)).tolist())]
+            text = partial(_size_text, scene, size, known)
+            made.append(_Heading(" ".join(words if words[2] else words[:1]), "" if known else "off drawn", text))
             continue
         part = [*scene.drawn][[*scene.nominal_scales].index(name)]
         extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
         told = scene.drawn[part].name or (f"the {part} part" if part in ROLES else part)
         along = f", length along {'xyz'[int(extents.argmax())]}" if found.unit else ""
-        made.append(_Length(f"{told}{along}", float(extents.max()), "" if found.unit else "off nominal"))
+        text = partial(_scale_text, found.unit, nominal, float(extents.max()))
+        made.append(_Heading(f"{told}{along}", "" if found.unit else "off nominal", text))
     return made
 
 
-def _size_text(off: float, length: float, unit: str, whole: str) -> str:
-    """Return a size by its deviation from drawn, in a unit or as a share: "9.964 mm (-0.036)", "-0.036 mm"."""
-    made = length + off if unit else length * (1.0 + off)
-    told = "as drawn" if not off else signed(off) if unit else f"{signed(100.0 * off)} %"
-    return (measured(told, unit) if off else told) if np.isnan(made) else f"{measured(made, whole)} ({told})"
+def _size_text(scene: Scene, size: Size, known: bool, off: float) -> str:
+    """Return what a size measures by its deviation from drawn, "9.964 mm (-0.036)"; that alone: "-0.036 mm"."""
+    (length,) = scene.dimensions_at(size, {size.name: off}).values() if known else (np.nan,)
+    told = size.deviation_text(off, "" if known else scene.unit, DIGITS) if (off := round(off, 9)) else "as drawn"
+    return f"{measured(length, scene.unit)} ({told})" if known else told
+
+
+def _scale_text(unit: str, nominal: float, length: float, value: float) -> str:
+    """Return a length by its scale, without a unit how far that is off the nominal one: "2.02 mm", "+1 %"."""
+    off = round(value / nominal - 1.0, 9)
+    return f"{length * value:.6g} {unit}" if unit else f"{signed(100.0 * off)} %" if off else "as nominal"
 
 
 def units_over(found: CompensationMap) -> list[str]:
@@ -131,7 +139,7 @@ def units_over(found: CompensationMap) -> list[str]:
 
 def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str) -> list[Path]:
     """Write the grids of a map as CSV and as a page to print, named after `base`; return both paths."""
-    tables, own = grids(found, scene), _measured(found, scene)
+    tables, own = grids(found, scene), _headings(found, scene)
     *most, across = [one.name for one in own]
     down, across = (" / ".join(most), across) if most else (across, "")
     off = ", ".join(sorted({one.off for one in own if one.off}))

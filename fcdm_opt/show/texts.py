@@ -111,6 +111,12 @@ def goal_text(problem: Problem) -> str:
     return clear if asked else problem.goal
 
 
+def dimensions_text(lengths: Mapping[str, float], noise: float) -> str:
+    """Return what a size measures, by the face that it is measured to: "14.92 to face bottom"; a dash for nothing."""
+    each = (f"{number(x, PLACES, noise)}{f' to {face}' if face else ''}" for face, x in lengths.items())
+    return ", ".join(each) or NONE
+
+
 def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,11 +130,12 @@ def test_what_sizes_measure_as_drawn() -> None:
         ({"faces": "+z", "each": 0.5}, np.nan),
         ({"scale": "z"}, 7.0),
     ):
-        assert fo.Size("own", "movable", **asked).drawn(pin) == pytest.approx(measure, nan_ok=True)
+        found = fo.Size("own", "movable", **asked).dimensions(pin)
+        assert [*found.values()] == pytest.approx([measure] * (not np.isnan(measure)))
     ends = (-1, 1, 0, 1), (1, 2, 0, 4), (-2, -1, 0, 4)
     ends = [[*product((a, b), (0, 2), (c, d))] for a, b, c, d in ends]
     floor = fo.Size("depth", "static", faces={"through": (0, 1, 1)}, each=-1.0)
-    assert floor.drawn(fo.Body.from_parts(ends)) == 3.0  # of a slot: from what it is cut into
+    assert floor.dimensions(fo.Body.from_parts(ends)) == {"face top": 3.0}  # of a slot: from what it is cut into
 
 
 def test_cases_are_a_frame_and_a_card() -> None:
@@ -185,3 +187,97 @@ def test_two_pins_had_no_diameter_and_an_axis_no_place() -> None:
     asked = fo.Problem(fo.Box((1, 1, 1), centre=(0, 0, 40)), case, sizes=sizes, made=made, motion=fo.Translation("z"))
     told = [(row["drawn"], row["made"]) for row in size_rows(asked)]
     assert told == [("5.96", "5.97"), ("at 41", "at 41.06"), *[("\u2013",) * 2], ("at -3", "at -3"), ("\u2013",) * 2]
+
+
+def rail() -> fo.Body:
+    """A rail 25 high on a base 10 high, both from x = 10 to 30 and 0 to 80: floors F3 and F6 beside it."""
+    boxes = ((0, 80), (0, 40), (0, 10)), ((10, 30), (0, 40), (10, 25))
+    joined = [fo.Box(np.ptp(own, axis=1), centre=np.mean(own, axis=1)) for own in boxes]
+    return fo.joined(*joined, name="rail")
+
+
+def rail_sizes(**tolerance: Any) -> list[fo.Size]:
+    faces = {"height": "+z", "right": (70, 20, 10), "left": (5, 20, 10), "foot": "-z"}
+    selected = {name: {"through": own} if isinstance(own, tuple) else own for name, own in faces.items()}
+    selected["height"] = {"through": (20, 20, 25)}
+    return [fo.Size(name, "static", faces=own, tolerance=tolerance.get(name, 0.1)) for name, own in selected.items()]
+
+
+def on_rail(**arguments: Any) -> fo.Problem:
+    block = fo.Box((10, 10, 5), centre=(20, 20, 27.5), name="block")
+    given = {"sizes": rail_sizes(), "motion": fo.Translation("z"), "goal": "touch", "unit": "mm", **arguments}
+    return fo.Problem(block, rail(), **given)
+
+
+@pytest.mark.parametrize(
+    ("made", "lengths"),
+    [
+        ({}, {("F3", "F6"): 15.0}),
+        ({"height": -0.08}, {("F3", "F6"): 14.92}),
+        ({"height": -0.08, "right": 0.03}, {("F3",): 14.92, ("F6",): 14.89}),
+        ({"height": -0.08, "right": 0.03, "left": 0.03}, {("F3", "F6"): 14.89}),
+        ({"height": 0.01, "foot": 0.05}, {("F3", "F6"): 15.01}),
+    ],
+)
+def test_a_height_as_made_was_told_to_a_face_as_drawn(made: dict[str, float], lengths: dict[Any, float]) -> None:
+    """A rail 15 above both floors, of which one is .03 higher as made: 14.89 to that, 14.92 to the other."""
+    problem = on_rail(made=made)
+    text = ", ".join(f"{x:g} to face{'s' * (len(to) > 1)} {', '.join(to)}" for to, x in lengths.items())
+    height = size_rows(problem)[0]
+    assert (height["drawn"], sorted(height["made"].split(", "))) == ("15 to faces F3, F6", sorted(text.split(", ")))
+    levels = np.unique(np.round(problem.static.vertices[:, 2], 9))
+    assert {*np.round(levels[-1] - levels, 9).tolist()} >= {*lengths.values()}
+
+
+def test_what_sizes_measure_counts_all_that_moves_either_end() -> None:
+    """A pin of 6 and 7 long: both ends off, the length scaled, the diameter by two sizes, and shifted."""
+    pin = fo.Cylinder(3.0, 7.0, base=(1.0, 0.0, 0.0))
+    named = {
+        "length": {"faces": "+z"}, "foot": {"faces": "-z"}, "both": {"faces": ("+z", "-z"), "each": 0.5},
+        "long": {"scale": "z"}, "wide": {"faces": "cylinder radius 3", "each": 0.5},
+        "radius": {"faces": "cylinder radius 3"}, "place": {"faces": "cylinder radius 3", "along": "x"},
+        "oval": {"scale": "x"},
+    }  # fmt: skip
+    sizes = {name: fo.Size(name, "static", **own) for name, own in named.items()}
+
+    def made(name: str, **off: float) -> dict[str, float]:
+        return sizes[name].dimensions(pin, {sizes[own]: x for own, x in off.items()})
+
+    assert made("length", length=0.1) == pytest.approx({"face bottom": 7.1})
+    assert made("length", length=0.1, foot=0.02, place=0.5, wide=0.1) == pytest.approx({"face bottom": 7.12})
+    assert made("foot", length=0.1, foot=0.02, both=-0.01) == pytest.approx({"face top": 7.11})
+    assert made("length", length=0.1, long=0.01) == pytest.approx({"face bottom": 7.07 + 0.1})
+    assert made("both", foot=0.02, both=0.01) == pytest.approx({"": 7.03})
+    assert made("long", foot=0.02, long=0.01) == pytest.approx({"": 7.07 + 0.02})
+    assert made("wide", wide=0.02, radius=0.01, place=0.3, long=0.5) == pytest.approx({"": 6.04})
+    assert made("radius", wide=0.02, radius=0.01) == pytest.approx({"": 3.02})
+    assert made("oval", oval=0.01) == pytest.approx({"": 6.06})
+    assert not made("oval", oval=0.01, radius=0.01)  # the pin ends in no face along x
+    assert not made("wide", oval=0.01)  # no longer round
+    assert sizes["place"].position(pin, {sizes["place"]: 0.3}) == pytest.approx(1.3)
+    two = fo.Size("left and right", "static", faces=[{"through": (x, 20, 10)} for x in (5, 70)], each=1.0)
+    right = rail_sizes()[1]
+    assert two.dimensions(rail()) == {"face bottom": 10.0}
+    assert not two.dimensions(rail(), {right: 0.03})  # its own faces part
+    scaled = on_rail(sizes=rail_sizes(), made={"foot": 0.05}, target=(1.0, 1.01))
+    assert [scaled.dimensions_at(size, {})["face bottom"] for size in scaled.sizes[1:3]] == pytest.approx([10.1505] * 2)
+
+
+@pytest.mark.usefixtures("coarse_maps")
+def test_a_grid_told_a_width_to_a_face_that_moves_in_it(tmp_path: Path) -> None:
+    """15 from the floors; over a floor too it is a deviation of the top alone, and with one floor made higher."""
+    problem = on_rail(made={"foot": 0.02})
+    for over, made, name, first in (
+        (["height"], {}, "height to faces F3, F6", "14.9 mm (-0.1)"),
+        (["right"], {"foot": 0.02}, "right to face bottom", "9.92 mm (-0.1)"),
+        (["height"], {"left": 0.03, "right": 0.03}, "height to faces F3, F6", "14.87 mm (-0.1)"),
+        (["height"], {"right": 0.03}, "height of face top", "-0.1 mm"),
+        (["height", "right"], {}, "height of face top", "-0.1 mm"),
+        (["height", "foot"], {}, "height to faces F3, F6", "14.9 mm (-0.1)"),
+    ):
+        asked = problem.changed(made=made)
+        found = fo.compensation_map(asked, over=over)
+        table, page = write_grids(found, asked, tmp_path / "map", title="rail")
+        (head, *_), (row, *_), *_ = csv.reader(table.read_text(encoding="utf-8").splitlines())
+        assert (head.split(": ")[1].split(" down")[0], row) == (name, first)
+        assert name in page.read_text(encoding="utf-8")

@@ -637,10 +637,10 @@ def test_sizes_tolerances_and_their_stack_up_are_told():
     keys = "name", "body", "drawn", "made", "off", "low", "high", "beyond"
     assert [tuple(size[key] for key in keys) for size in case["sizes"]] == [
         ("key_width", "key", "10", "10", "", "-0.036", "0", False),
-        ("key_foot", "key", "8", "7.99", "-0.01", "-0.02", "+0.02", False),
+        ("key_foot", "key", "8 to face back", "7.99 to face back", "-0.01", "-0.02", "+0.02", False),
         ("slot_width", "slot", "10.125", "10.125", "", "0", "+0.03", False),
         ("slot_position", "slot", "\u2013", "\u2013", "", "-0.03", "+0.03", False),
-        ("slot_depth", "slot", "8", "8.04", "+0.04", "-0.05", "+0.05", False),
+        ("slot_depth", "slot", "8 to face back", "8.04 to face back", "+0.04", "-0.05", "+0.05", False),
     ]
     assert case["off_drawn"] == "key_foot -0.01 mm, slot_depth +0.04 mm"
     assert [worst["gap"] for worst in case["stack"]["worst"]] == pytest.approx([0.0325, 0.0955])

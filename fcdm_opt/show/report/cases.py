@@ -15,8 +15,10 @@ from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.fitting import usable_answer
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of
-from fcdm_opt.geometry.size import Size
+from fcdm_opt.geometry.naming import faces_text
+from fcdm_opt.geometry.size import Size, direction
 from fcdm_opt.geometry.units import floored, measured, signed
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import drawn, finite
@@ -46,7 +48,7 @@ from fcdm_opt.show.stacks import (
     noise_of,
     stack_notes,
 )
-from fcdm_opt.show.texts import NONE, listed, number, shown
+from fcdm_opt.show.texts import NONE, dimensions_text, number, shown
 from fcdm_opt.show.verdict import barred_text, fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
@@ -61,39 +63,34 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
 
     Of an axis where it is along the size's direction; what cannot be measured, a slot's place, has a deviation alone.
     """
-    rows = []
-    for size in scene.sizes:
-        body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
-        drawn, place = size.drawn(body), size.position(body)
-        at, drawn = ("", drawn) if np.isnan(place) else ("at ", place)
+    rows, made = [], {size: (scene.made or {}).get(size.name, 0.0) for size in scene.sizes}
+    for size, off in made.items():
+        body, ends = scene.drawn[size.body], size.tolerance
         noise = noise_of([body])
-        made = drawn + off * (1.0 if size.is_length else drawn)
+        if np.isnan(size.position(body)):
+            drawn, now = (dimensions_text(x, noise) for x in (size.dimensions(body), scene.dimensions_at(size, {})))
+        else:
+            drawn, now = (f"at {number(size.position(body, x), PLACES, noise)}" for x in ({}, made))
         low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
-            "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
-            "drawn": NONE if np.isnan(drawn) else f"{at}{number(drawn, PLACES, noise)}",
-            "made": NONE if np.isnan(made) else f"{at}{number(made, PLACES, noise)}",
-            "off": size.deviation_text(off, "") if off else "", "beyond": size.is_beyond(off),
+            "name": size.name, "body": body.name or size.body, "what": _moved(size, body), "low": low, "high": high,
+            "drawn": drawn, "made": now, "off": size.deviation_text(off, "") * (off != 0.0),
+            "beyond": size.is_beyond(off),
         })  # fmt: skip
     return rows
 
 
-def _moved(size: Size) -> str:
-    """Return what a size moves, in words: "+x by 0.5, -x by 0.5", "F3 along +z", "scale along x"."""
+def _moved(size: Size, body: Body) -> str:
+    """Return what a size moves, in words: "faces left, right by 0.5 each", "face F3 along +z", "scale along x"."""
     if size.scale is not None:
         return f"scale along {size.scale if isinstance(size.scale, str) else shown(size.scale)}"
-    alike = size.along is not None or len(set(size.each)) == 1
-    points = [f"({shown(each['through'])})" for each in size.faces if not isinstance(each, str) and "through" in each]
-    faces = [each if isinstance(each, str) else f"the face through ({shown(each['through'])})" if "through" in each
-             else f"around ({shown(each['around'])})" for each in size.faces]  # fmt: skip
-    if alike and len(points) == len(faces) > 1:
-        faces = [f"the faces through {points[0]}", *points[1:]]
+    moved = size.offsets(body)
     if size.along is not None:
-        way = size.along if isinstance(size.along, str) else f"({shown(size.along)})"
-        return f"{listed(faces)} along {way}"
-    if alike:
-        return f"{listed(faces)} by {size.each[0]:g}{' each' * (len(faces) > 1)}"
-    return ", ".join(f"{face} by {share:g}" for face, share in zip(faces, size.each, strict=True))
+        return f"{faces_text(body, np.flatnonzero(moved).tolist())} along {direction(np.array(size.along))}"
+    each = {
+        share: faces_text(body, np.flatnonzero(moved == share).tolist()) for share in dict.fromkeys(size.each) if share
+    }
+    return ", ".join(f"{faces} by {share:g}{' each' * (', ' in faces)}" for share, faces in each.items())
 
 
 def beyond_stack(scene: Scene) -> str:
