@@ -158,9 +158,8 @@ def none_shorter(problems: Problems, least: float) -> bool:
         if not near:
             return False
         # one after the other, the nearest first: what the last one holds too is left to it
-        for own in sorted(
-            min(near, key=lambda group: len(group)), key=lambda own: float((own[:, -1] - own[:, :-1] @ y).max())
-        ):
+        fewest: list[Array] = min(near, key=lambda group: len(group))
+        for own in sorted(fewest, key=lambda own: float((own[:, -1] - own[:, :-1] @ y).max())):
             nodes.append(np.vstack([rows, own]))
             rows = np.vstack([rows, -own]) if len(own) == 1 else rows
     return not nodes
