@@ -68,7 +68,7 @@ def _improved(task: Task, best: Answer, further: list[Array], least: float) -> A
             if best.amount <= least * (1.0 + DEFAULT.nominal):
                 return best
             starts = [best.motion, *further] if first else [best.motion]
-            found = relaxation.smallest(starts, "sqpmethod") or relaxation.smallest(starts[:1], "ipopt")
+            found = relaxation.smallest(starts) or relaxation.smallest(starts[:1], method="ipopt")
             if found is not None and found.amount < best.amount * (1.0 - DEFAULT.nominal):  # whole turns change nothing
                 best = found
         if best.amount >= before * (1.0 - DEFAULT.nominal):

@@ -320,7 +320,7 @@ def near(task: Task, q: Array) -> Answer | None:
             if found is not None:
                 return found
         return None
-    better = [relaxation.smallest([q], "sqpmethod") for relaxation in choices(task, q, near=True)]
+    better = [relaxation.smallest([q]) for relaxation in choices(task, q, near=True)]
     done = [found for found in better if found is not None and task.meets(found.motion, DEFAULT.cut)]
     for nudge in NUDGES:
         at = np.clip(q * (1.0 + nudge), *task.limits.T)

@@ -104,7 +104,7 @@ def translations(task: Task) -> Answer | None:
     if best is None or best.q is None or (task.pair_gaps(best.q) >= task.needs - DEFAULT.cut * task.size).all():
         return best
     for relaxation in choices_of_features(task, best.q, near=True):  # off corners the amount is exact, where it is less
-        polished = relaxation.smallest([best.q], "sqpmethod")
+        polished = relaxation.smallest([best.q])
         if polished is not None and polished.amount <= best.lower_bound * (1.0 + DEFAULT.nominal):
             amount = polished.amount
             best = replace(best, q=polished.q, amount=amount, lower_bound=min(best.lower_bound, amount))

@@ -19,17 +19,14 @@ from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.motion.instructions import PoseInstructions, pose_instructions
 from fcdm_opt.problem.problem import MOST_TURNED
 from fcdm_opt.problem.solution import Status
-from fcdm_opt.stages import compiled, rays
+from fcdm_opt.stages import compiled
 from fcdm_opt.tolerances import DEFAULT
 
 ROOM = 160  # rows of one descent
 ROUNDS = 30  # of adding rows
-START_DISTANCE, WIDE = 3.0, (50.0, 15.0, 5.0)  # starts away from rest, in typical amounts, and where those find nothing
-PROBES = 5  # improvements along other sites, at most
+START_DISTANCE = 3.0  # starts away from rest, in typical amounts
 CHOICES, MOST_APART = 12, 24  # ways apart of a pair that are tried, and pairs kept apart
-ASTRAY = 2.0  # factor by which a motion may differ from what rows promised before rays are searched
 EAGER = 0.7  # ways whose promise times this is no better than what is known are not tried
-ON_THE_WAY = "the nearest contact on the way"
 STAGE = "4: descent over contact rows"
 
 
@@ -188,32 +185,23 @@ class Descent:
         low, high = self.task.limits.T / self.scale
         return np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
 
-    def least_tracked(self) -> Settled | None:
-        """Return the least motion found that keeps the tracked contact, whatever the target pair's state."""
-        best = self.settle(self.starts, np.inf)
-        if best is None or best.amount > WIDE[-1]:
-            ways = rays.directions(self.task) * self.task.weights
-            steps = [np.where(self.task.motion.turning, np.minimum(reach, 1.0 / self.scale), reach) for reach in WIDE]
-            best = self.settle(np.vstack([ways * own for own in steps]), self._below(best)) or best
-        return best
-
-    def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way, float]]:
-        """Return (amount to first order, site, separation) of the ways in which a part pair can come apart."""
+    def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way]]:
+        """Return (amount to first order, site) of the ways in which a part pair can come apart."""
         sites, orientations, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
         order = np.argsort(amounts, kind="stable")
         kept = order[distinct(normals[order], CHOICES)].tolist()
         own = [Way((*sites[k].tolist(), *parts), float(orientations[k])) for k in kept]
-        return list(zip(amounts[kept].tolist(), own, gaps[kept].tolist(), strict=True))
+        return list(zip(amounts[kept].tolist(), own, strict=True))
 
-    def _combined(self, low: dict[Parts, list[tuple[float, Way, float]]]) -> Iterator[tuple[float, list[Way]]]:
+    def _combined(self, low: dict[Parts, list[tuple[float, Way]]]) -> Iterator[tuple[float, list[Way]]]:
         """Yield (promise, sites) of the choices of one way for each pair: the first of all, or one other."""
         first = [options[0] for options in low.values()]
         tries = [first]
         for place, options in enumerate(low.values()):
             tries += [[*first[:place], option, *first[place + 1 :]] for option in options[1:]]
-        made = [(max((amount for amount, *_ in own), default=0.0), [way for _, way, _ in own]) for own in tries]
+        made = [(max((amount for amount, _ in own), default=0.0), [way for _, way in own]) for own in tries]
         yield from sorted(made, key=lambda own: own[0])
 
     def least_free(self) -> Settled | None:
@@ -231,52 +219,13 @@ class Descent:
                     if best is not None and promise * EAGER >= best.amount:
                         break
                     best = self.settle(first, self._below(best), chosen) or best
-            promise = next((promise for promise, _ in self._combined(low)), 0.0)
-            if best is not None and not best.amount / ASTRAY <= promise <= best.amount * ASTRAY:
-                best = self._from_rays(best) or best
         else:
             rate = task.search_rate * task.unit
             for parts in order[:CHOICES]:
                 if best is not None and gaps[parts] / rate >= best.amount:
                     break
                 best = self.settle(starts, self._below(best), (), parts) or best
-            best = best or self._from_rays()
-        for _ in range(PROBES):
-            better = self._beside(best) if best is not None else None
-            if better is None:
-                break
-            best = better
         return best
-
-    def _from_rays(self, known: Settled | None = None) -> Settled | None:
-        """Return the least motion found from the first contacts along the parameters, if it is less than one known."""
-        task, best = self.task, known
-        overlaps = task.misses(task.rest)[0] < 0
-        for direction in rays.directions(task, ()):
-            limit = min(rays.reach(task, direction), self._below(best) * task.unit)
-            contact = rays.first_contact(task, direction, limit)
-            if np.isfinite(contact.amount):
-                gaps = task.pair_gaps(contact.amount * direction)
-                one, two = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
-                pair, start = (int(one), int(two)), contact.amount * direction / self.scale
-                amount = float(np.linalg.norm(start))
-                chosen = [way for _, way, _ in self.ways(start, pair)[:1]] if overlaps else []
-                found = self.settle(start[None], self._below(best), chosen, None if chosen else pair)
-                if found is None and amount < self._below(best):
-                    found = Settled(start, amount, (ON_THE_WAY,), [], 1, 1, {pair})
-                best = found or best
-        return None if best is known else best
-
-    def _beside(self, best: Settled) -> Settled | None:
-        """Return a smaller motion than one known, along other sites that keep its pairs apart there."""
-        found: Settled | None = None
-        slack = DEFAULT.requirement * self.task.size
-        for place, own in enumerate(best.chosen):
-            for _, way, gap in self.ways(best.z, own.parts):
-                if gap >= self.task.need - slack and way != own:
-                    chosen = [*best.chosen[:place], way, *best.chosen[place + 1 :]]
-                    found = self.settle(best.z[None], self._below(found or best), chosen) or found
-        return found
 
     def _below(self, best: Settled | None) -> float:
         return np.inf if best is None else best.amount * (1.0 - DEFAULT.nominal)
@@ -292,7 +241,7 @@ def descent(task: Task) -> Answer | None:
     if program is None:
         return None
     own = Descent(task, program)
-    best = own.least_tracked() if task.tracked else own.least_free()
+    best = own.settle(own.starts, np.inf) if task.tracked else own.least_free()  # whatever the target pair's state
     if best is None:
         return None
     q = np.clip(best.z * own.scale, task.limits[:, 0], task.limits[:, 1])

@@ -26,7 +26,6 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS, FEWEST = 2000, 100  # safe steps along one ray, at most; where many rays are tried
 TRIED = 400_000  # steps of a part pair each along many rays, beyond which none takes more than the fewest
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
-SHARES = (0.5, 1.0, 2.0)  # of one parameter in another, in the directions between axes
 ON_THE_WAY = ("the nearest contact on the way",)
 WORK = 2e7  # pairs of edges looked at between two looks at the clock
 ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
@@ -257,8 +256,8 @@ def together(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
     return (*(np.ascontiguousarray(np.concatenate(each)) for each in zip(*tables, strict=True)), places)
 
 
-def directions(task: Task, shares: tuple[float, ...] = SHARES) -> Array:
-    """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between each two."""
+def directions(task: Task, shares: tuple[float, ...]) -> Array:
+    """Return fixed directions in the parameters, per unit of amount: the axes both ways, and between two by shares."""
     return _units(len(task.weights), shares) / task.weights
 
 

@@ -26,8 +26,6 @@ RECENTRED = 4  # restarts of a program with separating planes from its own solut
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
 START_DISTANCE = 3.0  # starts away from rest, in typical amounts
-FAR_START_DISTANCE, WIDE_FRACTIONS = 50.0, (1.0, 0.3, 0.1)  # the same, where those find nothing
-FALLBACK_CHOICES = 3  # choices of features tried then
 HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
@@ -44,7 +42,7 @@ def nonlinear(task: Task) -> Answer:
     best = answer
     starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
     for relaxation in choices(task, answer.q, near=True):
-        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts], "sqpmethod")) or best
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts])) or best
     return replace(best, stage=answer.stage, lower_bound=min(task.displacement_bound, best.amount))
 
 
@@ -54,12 +52,21 @@ def _program(task: Task) -> Answer:
     Several starts, and every choice of features that may matter; then the first contact on a ray. All starts are fixed:
     the same task gives the same answer.
     """
-    best, reached = _first_found(task)
+    near = np.where(task.motion.turning, np.minimum(START_DISTANCE * task.steps, 1.0), START_DISTANCE * task.steps)
+    starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
+    starts = [np.clip(start, *task.limits.T) for start in starts]
+    best, reached = None, False  # whether any reached what is asked but for coherence
+    for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise):
+        if best is not None and relaxation.promise >= best.amount:
+            break
+        # of tracked features a later round may find a nearer start
+        best = _better(best, relaxation.smallest(starts, np.inf if best is None or task.tracked else best.amount))
+        reached = reached or relaxation.reached
     contact = rays.on_a_ray(task, best) if not task.tracked and task.allows(task.rest) else None
     if contact is not None:
         best = contact
         for relaxation in choices(task, contact.motion, near=True):
-            best = _better(best, relaxation.smallest([contact.motion], "sqpmethod", best.amount)) or best
+            best = _better(best, relaxation.smallest([contact.motion], best.amount)) or best
     stage, bound = "4: nonlinear program", task.displacement_bound
     if best is None:
         status = Status.LEFT_COHERENT_RANGE if reached and task.coherent else Status.NOT_FOUND
@@ -69,34 +76,6 @@ def _program(task: Task) -> Answer:
 
 def _better(one: Answer | None, two: Answer | None) -> Answer | None:
     return min((found for found in (one, two) if found is not None), key=lambda found: found.amount, default=None)
-
-
-def _first_found(task: Task) -> tuple[Answer | None, bool]:
-    """Return the best over all choices of features and starts, and whether any reached it but for coherence.
-
-    Where SQP finds nothing for tracked features, wider starts are tried, and then IPOPT; without, rays are searched.
-    """
-    turning = task.motion.turning
-    lengths = (x * task.steps for x in (START_DISTANCE, FAR_START_DISTANCE))
-    near, wide = (np.where(turning, np.minimum(x, 1.0), x) for x in lengths)
-    near_starts = [task.start, *(task.start + sign * row for row in np.diag(near) for sign in (1.0, -1.0))]
-    near_starts = [np.clip(start, task.limits[:, 0], task.limits[:, 1]) for start in near_starts]
-    wide_starts = [x * direction * wide for x in WIDE_FRACTIONS for direction in rays.directions(task) * task.weights]
-    tries: list[tuple[str, list[Array], int | None]] = [("sqpmethod", near_starts, None)]
-    if task.tracked:
-        tries += [("sqpmethod", wide_starts, FALLBACK_CHOICES), ("ipopt", [task.start], FALLBACK_CHOICES)]
-    best, reached = None, False
-    for method, starts, most in tries:
-        for relaxation in sorted(choices(task, task.start), key=lambda choice: choice.promise)[:most]:
-            if best is not None and relaxation.promise >= best.amount:
-                break
-            # of tracked features a later round may find a nearer start
-            enough = np.inf if best is None or task.tracked else best.amount
-            best = _better(best, relaxation.smallest(starts, method, enough))
-            reached = reached or relaxation.reached
-        if best is not None:
-            break
-    return best, reached
 
 
 @dataclass(eq=False)
@@ -122,7 +101,7 @@ class Relaxation:
         if self.task.tracked or self.task.joints:
             self._rows += program.goal_rows(self.task)
 
-    def smallest(self, starts: list[Array], method: str, enough: float = np.inf) -> Answer | None:
+    def smallest(self, starts: list[Array], enough: float = np.inf, method: str = "sqpmethod") -> Answer | None:
         """Return the smallest motion, adding what solutions violate; None if there is none.
 
         Each round starts from `starts`, (k,) each, in later rounds from the first few and the latest solution. It is
