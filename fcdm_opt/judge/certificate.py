@@ -191,7 +191,7 @@ def proof_checks(solution: Solution) -> tuple[Check, ...]:
         if solution.problem.contacts:
             q = np.array([*solution.parameters.values()]) if solution.parameters else None
             shown, why = claimed if restored_at_least((solution.problem,), claimed, q) else shown, RESTORED
-        elif claimed > shown and _shifts_alone(solution.problem, claimed):
+        elif claimed > shown and _no_shorter_shift(solution.problem, claimed):
             shown, why = claimed, SHIFTED
         elif claimed > shown and not _without_cells(solution.problem):
             evidence = imported("solver:evidence_of")(solution.problem)
@@ -249,7 +249,7 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     return shown or none_shorter(problems, amount - slack)
 
 
-def _shifts_alone(problem: Problem, amount: float) -> bool:
+def _no_shorter_shift(problem: Problem, amount: float) -> bool:
     """Tell whether no shift of a smaller amount does, by the directions along which convex parts may be apart."""
     from fcdm_opt.proof.uniqueness import none_shorter
 

@@ -40,8 +40,8 @@ class Rows(NamedTuple):
         """The least and the largest value of each parameter by the conditions on it alone, (k,) each."""
         steep, which = np.abs(self.normals), np.abs(self.normals).argmax(axis=1)
         low, high = np.full((2, self.normals.shape[1]), np.inf) * np.array([[-1.0], [1.0]])
-        alone = np.flatnonzero((steep > 0.0).sum(axis=1) == 1)
-        for row, k in zip(alone.tolist(), which[alone].tolist(), strict=True):
+        single = np.flatnonzero((steep > 0.0).sum(axis=1) == 1)
+        for row, k in zip(single.tolist(), which[single].tolist(), strict=True):
             end, rises = self.levels[row] / self.normals[row, k], self.normals[row, k] > 0.0
             low[k], high[k] = (max(low[k], end), high[k]) if rises else (low[k], min(high[k], end))
         return low, high
