@@ -662,7 +662,7 @@ def test_sizes_that_mend_what_does_not_fit_are_named_where_a_motion_leaves_the_f
     solution = fo.solve(problem)
     assert solution.status is Status.OUTSIDE_FIT
     assert verdict_text(solution).startswith("does not fit: nut 20.100 mm in slot 20.000 mm")
-    assert advised(SolvedCase(solution)) == "Change nut wide or slot wide."
+    assert advised(SolvedCase(solution)) == "Change nut wide (to +0.6 mm) or slot wide (to -0.1 mm)."
 
 
 @pytest.mark.slow
