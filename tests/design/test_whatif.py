@@ -347,6 +347,22 @@ def test_an_amount_was_predicted_from_a_motion_that_takes_a_block_out_of_its_slo
     assert not [line for line in notes if line.startswith("predicted ")]
 
 
+def test_the_one_size_of_many_that_was_changed_was_not_told(capsys: Any) -> None:
+    """Of six sizes the last is changed, of two contacts the clearance of the second: "asked" names the first four."""
+    blocks = [fo.Box((2, 2, 2), centre=(0, 0, z), name=name) for name, z in (("low", 0), ("mid", 2), ("top", 5))]
+    faces = {f"{axis} {side}": f"{side}{axis}" for axis in "xyz" for side in "-+"}
+    sizes = [fo.Size(name, "low", faces=face, tolerance=0.1) for name, face in faces.items()]
+    parts, z = {own.name: own for own in blocks}, fo.Translation("z")
+    contacts = [{"parts": ["mid", "low"]}, {"parts": ["top", "mid"], "goal": "clear", "clearance": 0.5}]
+    given = {"motions": {"mid": z, "top": z}, "sizes": sizes, "unit": "mm"}
+    asked = fo.Assembly(parts, contacts, made=dict.fromkeys(faces, 0.01), **given)
+    wider = [contacts[0], {**contacts[1], "clearance": 0.75}]
+    print_whatif(fo.whatif(asked, made={**dict.fromkeys(faces, 0.01), "z +": 0.03}, contacts=wider))
+    told = capsys.readouterr().out
+    assert "made.z +: 0.01 -> 0.03" in told
+    assert "contacts[2].clearance: 0.5 -> 0.75" in told
+
+
 def test_a_table_too_wide_for_the_page_had_cells_without_anything(capsys: Any) -> None:
     print_rows([{"": "predicted", "asked": "", "amount": "0.2", "motion": ""}, {"": "before", "asked": 999 * "x "}])
     assert capsys.readouterr().out.splitlines()[:3] == ["predicted", "  amount: 0.2", "before"]

@@ -197,12 +197,12 @@ def _unlacking(problem: Problem, name: str, rate: float) -> float:
     value, wanting = (problem.made or {}).get(name, 0.0), lack(problem)
     for _ in range(MOST_SECANTS):
         last, value = value, value - wanting / rate
-        left = _lack_at(problem, name, value)
-        if not left > 0.0:
-            return value + 0.0 * left
-        if left == wanting:
+        lacking = _lack_at(problem, name, value)
+        if not lacking > 0.0:
+            return value + 0.0 * lacking
+        if lacking == wanting:
             break
-        rate, wanting = (left - wanting) / (value - last), left
+        rate, wanting = (lacking - wanting) / (value - last), lacking
     return math.nan
 
 
@@ -212,10 +212,10 @@ def _rounded_fit(problem: Problem, name: str, value: float) -> float:
     if math.isfinite(value) and value != made:
         side, extent = math.copysign(1.0, value - made), max(abs(value), abs(value - made))
         for more in (0.0, BEYOND * extent):
-            told = rounded_on(value + side * more, side, extent)
+            rounded = rounded_on(value + side * more, side, extent)
             with suppress(InputError):
-                if usable_answer(problem.with_sizes({name: told})) is not None:
-                    return told
+                if usable_answer(problem.with_sizes({name: rounded})) is not None:
+                    return rounded
     return math.nan
 
 
