@@ -89,10 +89,24 @@ def violated(question: Scene) -> tuple[str, ...]:
 
     Empty too where the contacts exclude each other.
     """
+    asked = _restored(question)
+    return () if asked is None or asked.conflicts else asked.violated
+
+
+def excluding_contacts(question: Scene) -> list[tuple[int, ...]]:
+    """Return the least sets of contacts of two parts, by place, that no motion closes together, whatever else it does.
+
+    None of more contacts than these are sought among.
+    """
+    asked = _restored(question)
+    return [] if asked is None or len(asked.systems[0].task.joints) > MOST_EXPLAINED else asked.conflicts
+
+
+def _restored(question: Scene) -> _Told | None:
+    """Return what is known of contacts of two parts that are restored together; None where others are asked for."""
     if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
-        return ()
-    asked = _Told([System.of(Task.of(question))], [""])
-    return () if asked.conflicts else asked.violated
+        return None
+    return _Told([System.of(Task.of(question))], [""])
 
 
 def translations(task: Task) -> Answer | None:

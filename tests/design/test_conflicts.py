@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import combinations, product
@@ -395,6 +396,20 @@ def test_a_motion_out_of_its_slot_was_offered_as_a_cure():
     *_, told, lower, upper = str(found).splitlines()
     assert told.startswith("with 40 % of the deviation from nominal (right +0.02) a motion is found")
     assert all("cures nothing alone (any motion found then leaves the place" in own for own in (lower, upper))
+
+
+def test_contacts_that_exclude_each_other_were_blamed_one_by_one() -> None:
+    """A block in a slot, .06 wider: its sides meet the walls at TX .03 and -.03, and alone neither is closed clear."""
+    slot = fo.cut(fo.Box((30, 30, 10), name="slot"), fo.Box((10, 40, 6), centre=(0, 0, 2)))
+    block = fo.Box((10, 20, 10), centre=(0, 0, 4), name="block")
+    wide = fo.Size("wide", "movable", faces=["+x", "-x"], each=0.5)
+    given = {"sizes": [wide], "made": {"wide": 0.06}, "motion": X >> Z, "unit": "mm"}
+    asked = Problem(block, slot, goal="seat", contacts="all", **given)
+    (told,) = (line for line in solve(asked).active if "exclude each other" in line)
+    numbers = [int(k) for k in re.findall(r"[0-9]+", told.partition(" exclude")[0])]
+    (clash,) = conflicts(asked, deviation=False).clashes
+    assert [int(name.split()[1].rstrip(",")) for name in clash.names] == numbers
+    assert len(numbers) == 2
 
 
 def test_a_share_of_a_deviation_that_only_the_judge_lets_pass_was_told() -> None:

@@ -31,7 +31,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Bounded, Effort, Status
 from fcdm_opt.solver import any_motion, solve
-from fcdm_opt.stages.contact_system import violated
+from fcdm_opt.stages.contact_system import excluding_contacts, violated
 from fcdm_opt.tolerances import DEFAULT
 
 Names = frozenset[str]
@@ -194,9 +194,12 @@ class ClashSearch:
 
         Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
         before those that include them. Where one constraint less leaves a motion, every clash has it: with many sets of
-        a size others are not asked.
+        a size others are not asked. Contacts that exclude each other are what a solve tells, and nothing else is asked.
         """
         self._asked[self.names] = whole
+        contacts = [one.name for one in self.constraints if one.name.startswith("contact ")]
+        if contacts and (excluding := excluding_contacts(self.problem)):
+            return self._clashes([frozenset(contacts[k] for k in group) for group in excluding[:MOST_CLASHES]]), False
         shared: list[list[Names]] | None = None
         for size in range(len(self.chains) + 1):
             clashing: list[Names] = []
