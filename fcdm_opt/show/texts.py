@@ -255,7 +255,10 @@ def outcome_text(solution: Bounded) -> str:
     return "verified" if solution.usable else solution.status.words
 
 
-IMPOSSIBLE = re.compile(r"(Proved impossible|Impossible for the meshes|The motion leaves the fit)[^.:]*: ([^.]*)\.")
+IMPOSSIBLE = re.compile(
+    r"(Proved impossible|Impossible for the meshes|The motion leaves the fit|No motion found, and none proved)"
+    r"[^.:]*: ([^.]*)\."
+)
 """What advice says of why there is no motion, which a verdict says too, and what it advises."""
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
+from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
@@ -529,6 +530,9 @@ class System:
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
                 name = contact.feature.in_words(task.movable, task.static)
+                sides = zip((task.movable, task.static), (contact.feature.one, contact.feature.two), strict=True)
+                of_facets = not all(own.exact is not None or is_plane_there(own, element) for own, element in sides)
+                name += " (of their facets)" * of_facets
             slack = LEAST_SHORT * task.size if other.need > 0.0 else 0.0
             found.setdefault(other.keep_out, f"{name} {gap_text(gap, slack, unit, other.need)}")
         return [*found.values()]
