@@ -366,7 +366,7 @@ def print_comparison(comparison: Comparison) -> None:
     rows = [
         {
             "family": row.name,
-            "amount": texts.amount_text(row.amount),
+            "amount": texts.amount_text(None if row.solution is None else texts.seen_amount(row.solution)),
             "proved at least": "" if row.solution is None else texts.bound_line(row.solution),
             "motion": "-" if row.solution is None else texts.motion_text(row.solution, unit=False),
             "pair made": _pair_state(row.solution) if row.solution and row.solution.status.found else "",
