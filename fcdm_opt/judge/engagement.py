@@ -77,8 +77,8 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     pose = _poses(problem, q[None])[0]
     if not (through or _any_comes_off(problem, pose)):
         return False
-    way = pose[:3, :3] @ problem.movable.seed + pose[:3, 3] - problem.movable.seed
-    return holds(problem) or not (tracking or through or leads_away(problem, way))
+    shift = pose[:3, :3] @ problem.movable.seed + pose[:3, 3] - problem.movable.seed
+    return holds(problem) or not (tracking or through or leads_away(problem, shift))
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:

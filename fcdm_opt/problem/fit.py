@@ -173,10 +173,10 @@ def holds(problem: Problem) -> bool:
     return any(len(own) > 0 and _most_room(own, np.zeros(len(own)))[0] <= DEFAULT.partition for own in each)
 
 
-def leads_away(problem: Problem, way: Array) -> bool:
+def leads_away(problem: Problem, shift: Array) -> bool:
     """Tell whether a shift of body 1 leads away from any part of body 2 that it is near as drawn, not only along it."""
-    normals, length = _walls(problem, 2.0 * _change(problem))[0], float(norms(way))
-    return not len(normals) or bool((normals @ way < -DEFAULT.side * length).any())
+    normals, length = _walls(problem, 2.0 * _change(problem))[0], float(norms(shift))
+    return not len(normals) or bool((normals @ shift < -DEFAULT.side * length).any())
 
 
 def overlap_as_drawn(problem: Problem) -> float:

@@ -880,3 +880,12 @@ def test_collars_that_do_not_go_over_a_saddle_are_out_of_the_fit_though_one_hang
     assert verdict_text(found).startswith("does not fit: body 30.60 in body 29.79")
     lift = 1.02 * 15.0 + 0.98 * 4.0 + 1.2 * (0.98 * 16.0 - 1.02 * 12.05)
     assert found.amount == pytest.approx(lift, rel=1e-9)
+
+
+def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
+    """A slab on two blocks side by side, whose tops are one plane, all .1 too high."""
+    blocks = fo.Body.from_parts([[*product(x, (-5, 5), (-4, 0))] for x in ((-8, -2), (2, 8))], name="blocks")
+    slab = fo.Box((20, 10, 2), centre=(0, 0, 0.9), name="slab")
+    asked = fo.Problem(slab, blocks, target=(1, 1), goal="clear", motion=fo.Translation("x"), limits={"TX": (0, 0.1)})
+    told = str(fo.solve(asked))
+    assert told.count("overlap by") == len(set(re.findall(r"[^;]*overlap by [0-9.]+", told)))
