@@ -883,9 +883,11 @@ def test_collars_that_do_not_go_over_a_saddle_are_out_of_the_fit_though_one_hang
 
 
 def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
-    """A slab on two blocks side by side, whose tops are one plane, all .1 too high."""
-    blocks = fo.Body.from_parts([[*product(x, (-5, 5), (-4, 0))] for x in ((-8, -2), (2, 8))], name="blocks")
-    slab = fo.Box((20, 10, 2), centre=(0, 0, 0.9), name="slab")
-    asked = fo.Problem(slab, blocks, target=(1, 1), goal="clear", motion=fo.Translation("x"), limits={"TX": (0, 0.1)})
-    told = str(fo.solve(asked))
-    assert told.count("overlap by") == len(set(re.findall(r"[^;]*overlap by [0-9.]+", told)))
+    """A lid in two halves on a block, which is .1 too high: its bottom is one face, and overlaps the top by .1."""
+    block = fo.Box((10, 10, 4), centre=(0, 0, -2), name="block")
+    halves = [fo.Box((20, 10, 2), centre=(0, y, 1)) for y in (-5, 5)]
+    lid = fo.Body.from_parts([own.vertices for own in halves], name="lid")
+    high = fo.Size("high", "static", faces="+z", tolerance=0.2)
+    asked = {"sizes": [high], "made": {"high": 0.1}, "goal": "clear", "motion": fo.Translation("x")}
+    told = fo.solve(fo.Problem(lid, block, limits={"TX": (-0.1, 0.1)}, **asked)).reason
+    assert told.count("overlap by 0.1") == 1
