@@ -229,7 +229,10 @@ def _line(file: str | Path | None, key: str | None) -> int | None:
     place = ()
     for part in re.findall(r"[A-Za-z_][\w-]*|(?<=\[)\d+|'[^']*'", key):  # case[2] 'B' is known by its number
         place = names.get((*place[-1:], part), place) if part[0] == "'" else (*place, part)
-    return next((found[place[:k]] for k in range(len(place), 0, -1) if place[:k] in found), None)
+    shared = place[2:] if place[:1] == ("case",) else ()  # what a case does not give itself is that of all
+    places = [place[:k] for k in range(len(place), 2 * bool(shared), -1)]
+    places += [(*head, *shared[:k]) for k in range(len(shared), 0, -1) for head in (("defaults",), ())]
+    return next((found[own] for own in (*places, place[:2], place[:1]) if own in found), None)
 
 
 def _shown(found: Any) -> str:

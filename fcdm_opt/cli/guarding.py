@@ -94,6 +94,7 @@ def refuse(reason: Exception, text: str | None = None) -> str:
     shown = " ".join(str(reason if text is None else text).split("\n"))
     if manner.get().debug:
         say("".join(traceback.format_exception(reason)).rstrip())
+    pacing.at("")  # nothing is being done any more
     say(f"error: {shown}")
     return shown
 

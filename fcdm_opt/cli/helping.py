@@ -246,7 +246,7 @@ class _Sign:
     def tick(self) -> None:
         """Show how far it is, if it is time to."""
         now = perf_counter()
-        if now - self._start < self._next:
+        if now - self._start < self._next or not self._doing[0]:
             return
         if self.terminal:
             if now - self._written >= QUIET:

@@ -8,7 +8,8 @@ far as one likes, but not through the slab. A motion leaves the fit in one of tw
   the motion, material of the other body that lies ahead as drawn lies behind after it. The solids are looked at as
   wholes, so that it makes no difference how they are cut into convex parts, or whether they are; and only where as much
   of them passes as their sizes do not explain.
-- It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more. As
+- It comes *off* the other body: the contact that was asked for is sought where nothing holds the part any more, or a
+  slide on its way, which can be lifted, is moved along it past its end. As
   drawn it reaches into the other's hull, deeper than the sizes change; after the motion nothing of that hull is on its
   way out. Drawing a part out on an open way is no re-positioning either. Where two widths of the parts made do not go
   together, a collar and its seat, the faces between which they are are looked at by themselves too: the rest of a
@@ -30,7 +31,15 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
-from fcdm_opt.problem.fit import REST, drawn_bodies, holds, misfit, overlap_as_drawn, part_corners_as_made
+from fcdm_opt.problem.fit import (
+    REST,
+    drawn_bodies,
+    holds,
+    leads_away,
+    misfit,
+    overlap_as_drawn,
+    part_corners_as_made,
+)
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution, Status
@@ -65,7 +74,11 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
         return True  # the parts meet as drawn, held or not; of a contact that is tracked `path` says what is asked
     if all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
-    return (through or _any_comes_off(problem, _poses(problem, q[None])[0])) and holds(problem)
+    pose = _poses(problem, q[None])[0]
+    if not (through or _any_comes_off(problem, pose)):
+        return False
+    shift = pose[:3, :3] @ problem.movable.seed + pose[:3, 3] - problem.movable.seed
+    return holds(problem) or not (tracking or through or leads_away(problem, shift))
 
 
 def passage(problem: Problem, way: Array) -> tuple[float, float]:

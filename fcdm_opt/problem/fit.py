@@ -38,7 +38,6 @@ AS_WIDE = 1e-6  # of a width: what lacks is where a search ended, and no dimensi
 ROOM = 0.5  # of the width that is to be in it: parts that go together as drawn are not made with less
 MATING = 0.1  # share by which a size of one part and an opposite one of the other differ, that go together, at most
 FEWEST_ROUND = np.cos(np.pi / 12.0)  # between a facet of a round face, of which a turn has 12, and an edge of it
-LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
 HAIR = 0.02
 """Bodies that overlap as drawn by less than this share of the smaller one's size are meant to fit all the same: press
 fits, and meshes of round faces out of phase. Bodies that are apart by less are meant to touch."""
@@ -172,6 +171,12 @@ def holds(problem: Problem) -> bool:
         return False
     each = (_walls(problem, most)[0] for most in (2.0 * _change(problem), np.inf))  # the nearest may do
     return any(len(own) > 0 and _most_room(own, np.zeros(len(own)))[0] <= DEFAULT.partition for own in each)
+
+
+def leads_away(problem: Problem, shift: Array) -> bool:
+    """Tell whether a shift of body 1 leads away from any part of body 2 that it is near as drawn, not only along it."""
+    normals, length = _walls(problem, 2.0 * _change(problem))[0], float(norms(shift))
+    return not len(normals) or bool((normals @ shift < -DEFAULT.side * length).any())
 
 
 def overlap_as_drawn(problem: Problem) -> float:
@@ -412,16 +417,14 @@ def verdict(scene: Scene) -> str:
     return next(filter(None, map(_verdict, named)), "")
 
 
-def sizes_that_lack(problem: Problem) -> list[str]:
-    """Return the sizes by which the widths that do not go together change much; none where no widths tell."""
-    found, rates = misfit(problem), dict[str, float]()
-    for own in (found, found and found.wider):
-        for role, body, faces in zip(problem.drawn, drawn_bodies(problem), own.faces if own else (), strict=False):
-            rows = [body.face_rows[face.vertices] for face in faces if face and face.vertices in body.face_rows]
-            for each in (size for size in problem.sizes if size.body == role):
-                rate = abs(float(each.offsets(body)[rows].sum()))
-                rates[each.name] = max(rate, rates.get(each.name, 0.0))
-    return [name for name, rate in rates.items() if rate > LEVER * max(rates.values())]
+def lack(problem: Problem) -> float:
+    """Return by how much more the widths that do not go together lack, length units; 0 where no widths tell."""
+    found = misfit(problem)
+    own = found and (found.wider or found)
+    if own is None:
+        return 0.0
+    inner, outer = true_widths(problem, own) or (own.inner, own.outer)
+    return inner - outer
 
 
 def mending_turn(problem: Problem) -> Array | None:
@@ -536,7 +539,7 @@ def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], sc
     A wall reaches as far along a direction n as centre . n + radius, or - radius of a bore: round ones lack most along
     the line between centres, which facets on either side are turned against; a plane has its own direction.
     """
-    apart, thick, axes, flat = list[Array](), list[float](), list[Array](), False
+    apart, thick, axes, flat, rounded = list[Array](), list[float](), list[Array](), False, False
     corners = part_corners_as_made(problem) or ([], [])
     asked = zip(drawn_bodies(problem), bodies, scales.tolist(), found.faces, found.parts, (1.0, -1.0), strict=True)
     for role, (drawn, body, rho, walls, parts, side) in enumerate(asked):
@@ -546,9 +549,12 @@ def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], sc
             return None
         centres, sums = list[Array](), 0.0
         for k, wall, part, sign in zip(numbers, walls, (parts[0], parts[-1]), (side, -side), strict=True):
-            if k < 0 and wall is not None and is_plane_there(drawn, wall):
-                points, flat = body.parts[part].vertices if body is drawn else corners[role][part], True
+            edge = _edge(drawn.parts[part], sign * np.array(found.normal), drawn) if wall is None else wall
+            if k < 0 and edge is not None and is_plane_there(drawn, edge):
+                points, flat = body.parts[part].vertices if body is drawn else corners[role][part], flat or edge is wall
                 centres.append(points[(sign * (points @ np.array(found.normal))).argmax()])
+                ends = drawn.vertices[np.array(edge.vertices[:2]) - 1]
+                axes += [(ends[1] - ends[0]) / norms(ends[1] - ends[0])] * (edge is not wall)
                 continue
             if not 0 <= k < len(pairs) or not _is_cylinder(pairs[k][1]):
                 return None
@@ -557,11 +563,12 @@ def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], sc
             if body.surfaces is None:  # it goes out as its facets do, whose corners go further
                 radius = was.surface.radius + _inner_radius(body, now) - _inner_radius(drawn, was)
             centres.append(now.surface.origin)
-            axes.append(now.surface.axis)
+            axes.insert(0, now.surface.axis)
+            rounded = True
             sums += _side(was) * radius
         apart.append(rho * (centres[0] - centres[-1]))
         thick.append(rho * sums)
-    if not axes or any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
+    if not rounded or any(norms(np.cross(axes[0], axis)) > DEFAULT.side for axis in axes):
         return None
     if flat and abs(axes[0] @ found.normal) > DEFAULT.side:
         return None
@@ -576,6 +583,13 @@ def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], sc
     long, other = (float(norms(own - (own @ axes[0]) * axes[0])) for own in apart)
     turned = np.inf if flat else abs(long - other) + sum(thick)
     return _RoundWidths(widths[found.inside], -widths[1 - found.inside], turned, axes[0])
+
+
+def _edge(part: ConvexPart, normal: Array, body: Body) -> Element | None:
+    """Return the edge of a part of a body as drawn that is foremost along a direction."""
+    heights = body.vertices @ normal
+    edges = part.elements["E"]
+    return max(edges, key=lambda own: heights[np.array(own.vertices) - 1].min(), default=None)
 
 
 def mating_cylinders(bodies: tuple[Body, Body]) -> list[tuple[Round, Round]]:

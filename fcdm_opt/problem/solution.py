@@ -54,7 +54,7 @@ class Status(Enum):
     )
     OUTSIDE_FIT = (
         "The motion leaves the fit in which the parts are drawn, through the other part or out of it; do not use it: "
-        "choose a smaller tolerance, other sizes, or limits that keep the part in."
+        "choose a smaller tolerance, other sizes, another motion, or limits that keep the part in."
     )
     INFEASIBLE = "Proved impossible with this motion and these limits: widen the limits or choose another motion."
     NOT_FOUND = "No motion found, and none proved impossible: widen the limits, choose another motion, or goal 'touch'."

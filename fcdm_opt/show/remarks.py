@@ -52,9 +52,10 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
     overlaps = not solution.status.found and solution.pair_gap < 0.0
-    if overlaps and on_true_faces(problem) and known_gaps(problem):
+    if overlaps and known_gaps(problem):
         depth = measured(number_text(-solution.pair_gap, 4), unit)
-        told.append(f"overlapping by {depth} is of the facets; what is said of motions is of the true faces")
+        others = "; what is said of motions is of the true faces" * on_true_faces(problem)
+        told.append(f"overlapping by {depth} is of the facets{others}")
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else known_gaps(problem)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
@@ -278,13 +278,25 @@ def _value_text(value: Any) -> str:
     return ", ".join(each) or "none"
 
 
+def _changed_values(name: str, old: Any, new: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield in words what two plain values differ by, and where: "made.width", "contacts[8].clearance"."""
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new) and isinstance([*old, 0][0], dict):
+        old, new = ({f"[{k}]": one for k, one in enumerate(own, 1)} for own in (old, new))
+    elif not (isinstance(old, dict) and isinstance(new, dict) and old.keys() & new.keys()):
+        yield name.replace(".[", "["), _value_text(old), _value_text(new)
+        return
+    for key in dict.fromkeys([*old, *new]):
+        if old.get(key) != new.get(key):
+            yield from _changed_values(f"{name}.{key}", old.get(key), new.get(key))
+
+
 def print_whatif(answer: WhatIf) -> None:
     """Print both answers, what the derivatives predicted, and what else changed."""
     rows = [_solved("before", answer.before), _solved("after", answer.after)]
     predicted = {"": "predicted", "amount": texts.amount_text(answer.predicted_amount)}
     rows += [{**dict.fromkeys(rows[0], ""), **predicted}] * math.isfinite(answer.predicted_amount)
-    both = ((name, answer.before.question.request, answer.after.question.request) for name in answer.changed)
-    values = ((name, *(_value_text(plain(asked.get(name))) for asked in own)) for name, *own in both)
+    asked = [own.question.request for own in (answer.before, answer.after)]
+    values = (own for name in answer.changed for own in _changed_values(name, *(plain(own.get(name)) for own in asked)))
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
     notes += [*filter(None, [answer.unchanged_text]), *beyond_tolerances(answer.after.question)]
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
@@ -354,7 +366,7 @@ def print_comparison(comparison: Comparison) -> None:
     rows = [
         {
             "family": row.name,
-            "amount": texts.amount_text(row.amount),
+            "amount": texts.amount_text(None if row.solution is None else texts.seen_amount(row.solution)),
             "proved at least": "" if row.solution is None else texts.bound_line(row.solution),
             "motion": "-" if row.solution is None else texts.motion_text(row.solution, unit=False),
             "pair made": _pair_state(row.solution) if row.solution and row.solution.status.found else "",

@@ -13,7 +13,7 @@ from fcdm_opt.geometry.size import direction
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, mending_turn, sizes_that_lack, verdict
+from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, mending_turn, misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 
 if TYPE_CHECKING:
@@ -261,7 +261,10 @@ def outcome_text(solution: Bounded) -> str:
     return "verified" if solution.usable else solution.status.words
 
 
-IMPOSSIBLE = re.compile(r"(Proved impossible|Impossible for the meshes|The motion leaves the fit)[^.:]*: ([^.]*)\.")
+IMPOSSIBLE = re.compile(
+    r"(Proved impossible|Impossible for the meshes|The motion leaves the fit|No motion found, and none proved)"
+    r"[^.:]*: ([^.]*)\."
+)
 """What advice says of why there is no motion, which a verdict says too, and what it advises."""
 
 
@@ -286,19 +289,19 @@ def advised(case: SolvedCase) -> str:
 
 
 def _with_sizes(solution: Solution) -> str:
-    """Return the advice of an answer; of widths that do not go together, and of a clearance, what mends them."""
+    """Return the advice of an answer; with the sizes, limits, turns and clearances known to mend it in its place."""
     from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, opening_shift
 
     if not IMPOSSIBLE.search(solution.advice):
         return solution.advice
-    problem = solution.problem
-    names, axis, need = sizes_that_lack(problem), mending_turn(problem), problem.clearance
-    asked, shift = need > 0.0 and not names and not solution.stopped, ""
+    problem, axis = solution.problem, mending_turn(solution.problem)
     with pacing.within(TOLD):
+        cures = [] if solution.stopped else pacing.in_time(_changes, problem, late=list[str]())
+        need, shift = problem.clearance, ""
+        asked = need > 0.0 and misfit(problem) is None and not solution.stopped
         most = pacing.in_time(largest_clearance, problem, late=0.0) if asked else 0.0
         if asked and not most:  # what is closed stays so by this motion
             shift, most = pacing.in_time(opening_shift, problem, late=("", 0.0))
-    cures = [f"change {listed(names, 'or')}"] * bool(names)
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
     less = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit) if most < need else ""
@@ -309,6 +312,24 @@ def _with_sizes(solution: Solution) -> str:
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
     return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2]}.", solution.advice)
+
+
+def _changes(problem: Problem) -> list[str]:
+    """Return in words which limits, together, or which size let the parts fit, and up to what; the first are limits."""
+    from fcdm_opt.design.whatif.fitting import mending_sizes, rounded_on, widened_limits
+
+    wider = list[str]()
+    for own, value in [] if misfit(problem) else widened_limits(problem):
+        held, beyond = math.isnan(own.outward), value - own.value
+        each, unit = (math.degrees(1.0), "deg") if own.unit == "radian" else (1.0, problem.unit)
+        rounded = rounded_on(each * value, math.copysign(1.0, beyond), each * max(abs(value), abs(beyond)))
+        wider.append(f"the {f'limits of {own.parameter}' if held else own.name} to {measured(number(rounded), unit)}")
+    sizes = {own.name: own for own in problem.sizes}
+    changed = [
+        name + f" (to {sizes[name].deviation_text(value, problem.unit)})" * math.isfinite(value)
+        for name, value in mending_sizes(problem).items()
+    ]
+    return [f"widen {listed(wider)}"] * bool(wider) + [f"change {listed(changed, 'or')}"] * bool(changed)
 
 
 def _unfit(problem: Problem) -> str:

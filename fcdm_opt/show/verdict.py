@@ -61,7 +61,7 @@ def _refused_text(solution: Solution) -> str:
         if solution.status.name == "INFEASIBLE":
             return f"{widths}; no such motion brings them together"
         known = solution.status.found or solution.stopped or solution.status.name not in REFUSED
-        return widths if known else f"{REFUSED[solution.status.name]}; {widths}"
+        return widths if known else f"{widths}; {REFUSED[solution.status.name]}"
     if solution.status.name == "INFEASIBLE":
         limited = " and these limits" if np.isfinite(problem.limits).any() else ""
         proved = " (proved)" * (not solution.left_by_mesh)

@@ -21,6 +21,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
+from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
@@ -89,10 +90,24 @@ def violated(question: Scene) -> tuple[str, ...]:
 
     Empty too where the contacts exclude each other.
     """
+    asked = _restored(question)
+    return () if asked is None or asked.conflicts else asked.violated
+
+
+def excluding_contacts(question: Scene) -> list[tuple[int, ...]]:
+    """Return the least sets of contacts of two parts, by place, that no motion closes together, whatever else it does.
+
+    None of more contacts than these are sought among.
+    """
+    asked = _restored(question)
+    return [] if asked is None or len(asked.systems[0].task.joints) > MOST_EXPLAINED else asked.conflicts
+
+
+def _restored(question: Scene) -> _Told | None:
+    """Return what is known of contacts of two parts that are restored together; None where others are asked for."""
     if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
-        return ()
-    asked = _Told([System.of(Task.of(question))], [""])
-    return () if asked.conflicts else asked.violated
+        return None
+    return _Told([System.of(Task.of(question))], [""])
 
 
 def translations(task: Task) -> Answer | None:
@@ -515,6 +530,9 @@ class System:
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
                 name = contact.feature.in_words(task.movable, task.static)
+                sides = zip((task.movable, task.static), (contact.feature.one, contact.feature.two), strict=True)
+                of_facets = not all(own.exact is not None or is_plane_there(own, element) for own, element in sides)
+                name += " (of their facets)" * of_facets
             slack = LEAST_SHORT * task.size if other.need > 0.0 else 0.0
             found.setdefault(other.keep_out, f"{name} {gap_text(gap, slack, unit, other.need)}")
         return [*found.values()]

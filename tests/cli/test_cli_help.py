@@ -10,15 +10,18 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from fcdm_opt.cli import app
-from fcdm_opt.cli.guarding import BROKEN_PIPE, INTERNAL, INTERRUPTED
+from fcdm_opt import pacing
+from fcdm_opt.cli import app, helping
+from fcdm_opt.cli.guarding import BROKEN_PIPE, INTERNAL, INTERRUPTED, refuse
 from fcdm_opt.cli.registry import ROWS as COMMANDS
+from fcdm_opt.errors import InputError
 from fcdm_opt.show import solved
 
 TOP = Path(__file__).parents[2]
@@ -370,3 +373,13 @@ def corners(*ends: float) -> list[list[float]]:
 
 def flat(text: str) -> str:
     return " ".join(text.split())
+
+
+def test_what_is_still_done_stood_after_the_error(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(helping, "ELSEWHERE", 0.15)
+    monkeypatch.setattr(helping, "REFRESH", 0.01)
+    with helping.shown():
+        pacing.at("looking how the parts lie")
+        refuse(InputError("wrong"))
+        sleep(0.4)
+    assert capsys.readouterr().err == "error: wrong\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import combinations, product
@@ -18,7 +19,7 @@ import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
-from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation
+from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
@@ -395,6 +396,41 @@ def test_a_motion_out_of_its_slot_was_offered_as_a_cure():
     *_, told, lower, upper = str(found).splitlines()
     assert told.startswith("with 40 % of the deviation from nominal (right +0.02) a motion is found")
     assert all("cures nothing alone (any motion found then leaves the place" in own for own in (lower, upper))
+
+
+def test_contacts_that_exclude_each_other_were_blamed_one_by_one() -> None:
+    """A block in a slot, .06 wider: its sides meet the walls at TX .03 and -.03, and alone neither is closed clear."""
+    slot = fo.cut(fo.Box((30, 30, 10), name="slot"), fo.Box((10, 40, 6), centre=(0, 0, 2)))
+    block = fo.Box((10, 20, 10), centre=(0, 0, 4), name="block")
+    wide = fo.Size("wide", "movable", faces=["+x", "-x"], each=0.5)
+    given = {"sizes": [wide], "made": {"wide": 0.06}, "motion": X >> Z, "unit": "mm"}
+    asked = Problem(block, slot, goal="seat", contacts="all", **given)
+    (told,) = (line for line in solve(asked).active if "exclude each other" in line)
+    numbers = [int(k) for k in re.findall(r"[0-9]+", told.partition(" exclude")[0])]
+    (clash,) = conflicts(asked, deviation=False).clashes
+    assert [int(name.split()[1].rstrip(",")) for name in clash.names] == numbers
+    assert len(numbers) == 2
+
+
+def test_a_share_of_a_deviation_that_only_the_judge_lets_pass_was_told() -> None:
+    """A block on two steps, one of them .02 higher: by shifts both are touched at no share of it; 4e-6 was told."""
+    lid = fo.Box((20, 10, 2), centre=(0, 0, 2), name="lid")
+    parts = {"lid": lid, "left": fo.Box((9, 10, 2), centre=(-5, 0, 0)), "right": fo.Box((9, 10, 2), centre=(5, 0, 0))}
+    high = fo.Size("high", "right", faces="+z", tolerance=0.1)
+    contacts = [{"parts": ["lid", "left"]}, {"parts": ["lid", "right"]}]
+    asked = fo.Assembly(parts, contacts, motions={"lid": Z}, sizes=[high], made={"high": 0.02}, unit="mm")
+    found = conflicts(asked)
+    assert found.deviation is not None
+    assert found.deviation.value == 0.0
+    assert "no share, however small, of the deviation" in str(found)
+
+
+@pytest.mark.parametrize(("depth", "told"), [(4.0, "TZ 4 mm, nearly out of its place"), (1.0, "TZ 1 mm")])
+def test_a_motion_that_lifts_a_part_nearly_out_was_proposed_without_a_word(depth: float, told: str) -> None:
+    """A block 6 high that is to clear a slab which is so much higher than its bottom."""
+    slab, block = fo.Box((40, 40, 10), centre=(0, 0, depth - 5)), fo.Box((10, 10, 6), centre=(0, 0, 3))
+    asked = Problem(block, slab, target=(1, 1), goal="clear", motion=Z, unit="mm")
+    assert str(Trial(change="motion", solution=solve(asked))) == f"motion: amount {depth:g} mm ({told})"
 
 
 def test_small_shares_of_a_deviation_that_fit_were_said_not_to():

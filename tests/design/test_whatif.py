@@ -23,7 +23,7 @@ from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.printing import print_rows
-from fcdm_opt.show.tables import print_whatif
+from fcdm_opt.show.tables import print_comparison, print_whatif
 from fcdm_opt.solver import solve
 
 EXACT = 1e-11  # of closed forms, relative to the size
@@ -347,6 +347,22 @@ def test_an_amount_was_predicted_from_a_motion_that_takes_a_block_out_of_its_slo
     assert not [line for line in notes if line.startswith("predicted ")]
 
 
+def test_the_one_size_of_many_that_was_changed_was_not_told(capsys: Any) -> None:
+    """Of six sizes the last is changed, of two contacts the clearance of the second: "asked" names the first four."""
+    blocks = [fo.Box((2, 2, 2), centre=(0, 0, z), name=name) for name, z in (("low", 0), ("mid", 2), ("top", 5))]
+    faces = {f"{axis} {side}": f"{side}{axis}" for axis in "xyz" for side in "-+"}
+    sizes = [fo.Size(name, "low", faces=face, tolerance=0.1) for name, face in faces.items()]
+    parts, z = {own.name: own for own in blocks}, fo.Translation("z")
+    contacts = [{"parts": ["mid", "low"]}, {"parts": ["top", "mid"], "goal": "clear", "clearance": 0.5}]
+    given = {"motions": {"mid": z, "top": z}, "sizes": sizes, "unit": "mm"}
+    asked = fo.Assembly(parts, contacts, made=dict.fromkeys(faces, 0.01), **given)
+    wider = [contacts[0], {**contacts[1], "clearance": 0.75}]
+    print_whatif(fo.whatif(asked, made={**dict.fromkeys(faces, 0.01), "z +": 0.03}, contacts=wider))
+    told = capsys.readouterr().out
+    assert "made.z +: 0.01 -> 0.03" in told
+    assert "contacts[2].clearance: 0.5 -> 0.75" in told
+
+
 def test_a_table_too_wide_for_the_page_had_cells_without_anything(capsys: Any) -> None:
     print_rows([{"": "predicted", "asked": "", "amount": "0.2", "motion": ""}, {"": "before", "asked": 999 * "x "}])
     assert capsys.readouterr().out.splitlines()[:3] == ["predicted", "  amount: 0.2", "before"]
@@ -359,3 +375,27 @@ def test_a_change_that_changes_nothing_is_said_to() -> None:
     assert "nothing is changed: the question is the same" in str(whatif(asked, asked.changed(target=(1, 1))))
     assert "the answer stays the same" in str(whatif(asked, box=((0.9, 1.1), (0.9, 1.1))))
     assert "same" not in str(whatif(asked, target=(1.1, 1)))
+
+
+def test_amounts_of_answers_without_a_motion_were_nan() -> None:
+    """A lid that rests on two blocks, one of them higher: by shifts it does not, however much the higher one is."""
+    parts = {"lid": fo.Box((20, 10, 2), centre=(0, 0, 2)), "left": fo.Box((9, 10, 2), centre=(-5, 0, 0))}
+    parts["right"] = fo.Box((9, 10, 2), centre=(5, 0, 0))
+    asked = fo.Assembly(
+        parts, [("lid", "left"), ("lid", "right")], motions={"lid": fo.Translation("z")},
+        sizes=[fo.Size("high", "right", faces="+z", tolerance=0.1)], made={"high": 0.02}, unit="mm",
+    )  # fmt: skip
+    assert "made changed: no amount before or after (" in str(fo.whatif(asked, made={"high": 0.01}))
+    assert "amount none -> 0 mm" in str(fo.whatif(asked, made={"high": 0.0}))
+
+
+def test_the_amount_of_a_motion_out_of_the_fit_was_compared(capsys: Any) -> None:
+    """A block .05 too high for a slot 30 long: along y it leaves that, by 30; along z it needs .05."""
+    slot = fo.cut(fo.Box((30, 30, 20)), fo.Box((10, 40, 10), centre=(0, 0, 5)))
+    block, low = fo.Box((9, 30, 12), centre=(0, 0, 6)), fo.Size("low", "movable", faces="-z", tolerance=0.2)
+    asked = fo.Problem(block, slot, sizes=[low], made={"low": 0.05}, goal="clear", motion=fo.Translation("y"))
+    found = fo.compare(asked, {"along": fo.Translation("y"), "up": fo.Translation("z")})
+    print_comparison(found)
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("along"))
+    assert "outside the fit" in line
+    assert line.split()[1] == "-"

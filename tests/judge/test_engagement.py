@@ -662,7 +662,7 @@ def test_sizes_that_mend_what_does_not_fit_are_named_where_a_motion_leaves_the_f
     solution = fo.solve(problem)
     assert solution.status is Status.OUTSIDE_FIT
     assert verdict_text(solution).startswith("does not fit: nut 20.100 mm in slot 20.000 mm")
-    assert advised(SolvedCase(solution)) == "Change nut wide or slot wide."
+    assert advised(SolvedCase(solution)) == "Change nut wide (to +0.6 mm) or slot wide (to -0.1 mm)."
 
 
 @pytest.mark.slow
@@ -781,6 +781,18 @@ def test_widths_are_of_the_true_faces_where_the_body_made_is_cut_anew(
     assert str(solution).startswith(words)
 
 
+@pytest.mark.parametrize(("motion", "status"), [("y", "OUTSIDE_FIT"), ("z", "SOLVED")])
+def test_a_saddle_was_moved_off_the_end_of_its_way(motion: str, status: str) -> None:
+    """A saddle on a rail 60 long, whose top is .02 higher: .02 up, or 60 along it, off its end ("proved")."""
+    rail = fo.joined(fo.Box((60, 60, 10), centre=(0, 0, -5)), fo.Box((20, 60, 10), centre=(0, 0, 5)), name="rail")
+    saddle = fo.cut(fo.Box((40, 60, 20), centre=(0, 0, 11)), fo.Box((20, 80, 20), centre=(0, 0, 0)), name="saddle")
+    top = fo.Size("top", "static", faces=[{"through": [0, 0, 10]}], tolerance=0.02)
+    asked = {"sizes": [top], "made": {"top": 0.02}, "goal": "clear", "motion": fo.Translation(motion)}
+    solution = fo.solve(fo.Problem(saddle, rail, **asked))
+    assert solution.status.name == status
+    assert solution.amount == pytest.approx({"y": 60.0, "z": 0.02}[motion])
+
+
 def test_widths_were_said_to_prove_that_no_motion_does() -> None:
     """They are along two walls: a shift that is slanted may part others. A claim of it is the solver's to make."""
     peg, plate = fo.Box((2.0, 2.0, 3.0), name="peg"), fo.cut(fo.Box((6, 6, 2)), fo.Box((2.02, 2.02, 4)), name="plate")
@@ -790,8 +802,24 @@ def test_widths_were_said_to_prove_that_no_motion_does() -> None:
     assert none.status is Status.INFEASIBLE
     assert "no such motion brings them together" in verdict_text(none)
     told = verdict_text(dataclasses.replace(none, status=Status.NOT_FOUND))
-    assert told.startswith("no motion found, and none proved impossible; does not fit")
+    assert told.startswith("does not fit: peg")
+    assert told.endswith("; no motion found, and none proved impossible")
     assert "no such motion" not in told
+
+
+def test_a_pin_wider_than_its_bore_was_said_to_fit_perhaps_and_overlapped_by_two_lengths() -> None:
+    """A pin and a bore of radius 6, 2 % larger and smaller, below a flange on a face: 12.24 in 11.76."""
+    pin = fo.joined(fo.Box((30, 20, 10), centre=(0, 0, 5)), fo.Cylinder(6, 15, base=(0, 0, -14)), name="pin")
+    base = fo.cut(fo.Box((80, 60, 20), centre=(0, 0, -10), name="base"), fo.Cylinder(6, 30, base=(0, 0, -25)))
+    flange = next(own.feature.label for own in fo.Problem(pin, base, target=(1, 1), motion=UP).nominal_joints
+                  if abs(own.normals[0][2]) > 0.9)  # fmt: skip
+    shifts = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked = {"tolerance": 0.02, "requirement": "B", "goal": "seat", "contacts": [flange], "unit": "mm"}
+    solution = fo.solve(fo.Problem(pin, base, motion=shifts, **asked), effort="quick")
+    assert verdict_text(solution).startswith("does not fit: pin 12.24 mm in base 11.76 mm, across the bore of radius 6")
+    assert advised(SolvedCase(solution)) == "Choose a smaller tolerance, or other sizes."
+    assert all("(of their facets) overlap by" in line for line in solution.active if "overlap" in line)
+    assert any("is of the facets" in line for line in remarks(solution))
 
 
 @pytest.mark.parametrize("goal", ["seat", "at", "touch", "clear"])
@@ -852,3 +880,14 @@ def test_collars_that_do_not_go_over_a_saddle_are_out_of_the_fit_though_one_hang
     assert verdict_text(found).startswith("does not fit: body 30.60 in body 29.79")
     lift = 1.02 * 15.0 + 0.98 * 4.0 + 1.2 * (0.98 * 16.0 - 1.02 * 12.05)
     assert found.amount == pytest.approx(lift, rel=1e-9)
+
+
+def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
+    """A lid in two halves on a block, which is .1 too high: its bottom is one face, and overlaps the top by .1."""
+    block = fo.Box((10, 10, 4), centre=(0, 0, -2), name="block")
+    halves = [fo.Box((20, 10, 2), centre=(0, y, 1)) for y in (-5, 5)]
+    lid = fo.Body.from_parts([own.vertices for own in halves], name="lid")
+    high = fo.Size("high", "static", faces="+z", tolerance=0.2)
+    asked = {"sizes": [high], "made": {"high": 0.1}, "goal": "clear", "motion": fo.Translation("x")}
+    told = fo.solve(fo.Problem(lid, block, limits={"TX": (-0.1, 0.1)}, **asked)).reason
+    assert told.count("overlap by 0.1") == 1

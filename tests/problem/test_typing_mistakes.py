@@ -167,7 +167,7 @@ def test_what_no_toml_is_was_told_without_its_line_what_stands_there_and_what_ma
     ("key", "line"),
     [
         ("bodies.movable.seed", 3), ("size[2] 'depth'.tolerance", 9), ("case[2] 'B'.limits.TX", 15),
-        ("case 'B'.goal", 14),
+        ("case 'B'.goal", 14), ("case[2] 'B'.size[2].tolerance", 9),  # which all cases share
         ("case[2] 'B'.Rotation.centre", 14), ("case[1] 'A'", 11), ("nothing", None),
     ],
 )  # fmt: skip

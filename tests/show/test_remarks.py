@@ -14,6 +14,7 @@ from fcdm_opt.show.assemblies import unsaid
 from fcdm_opt.show.remarks import left_out, remarks
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised
+from fcdm_opt.show.verdict import verdict_text
 
 CUBE = np.array([*product((-0.5, 0.5), repeat=3)])
 
@@ -81,7 +82,7 @@ def test_a_distance_of_pins_that_no_motion_mends_was_answered_by_wider_limits() 
     solution = fo.solve(fo.Problem(plate, base, made={"spacing": 0.12}, **asked))
     assert solution.status is Status.INFEASIBLE
     told = advised(SolvedCase(solution))
-    assert told == "Change spacing."  # what is impossible stands in the verdict
+    assert told == "Change spacing (to +0.1)."  # what is impossible stands in the verdict
     facets = [text for text in remarks(solution) if "is of the facets" in text]
     assert len(facets) == 1
     assert f"overlapping by {-solution.pair_gap:.4g}" in facets[0]
@@ -158,3 +159,46 @@ def test_contacts_were_named_by_labels() -> None:
         "contact 1, bottom face of block, face 2 (facing +z) of ell",
         "contact 2, right face of block, face 7 (facing -x) of ell",
     ]
+
+
+def peg_in_hole(high: float, **asked: Any) -> fo.Solution:
+    """A peg 10 wide, .1 from either wall of a hole, whose right face is higher."""
+    walls = [*fo.cut(fo.Box((30, 30, 6), name="plate"), fo.Box((10.2, 12, 8))).parts]
+    plate = fo.Body.from_parts([part.vertices for part in walls], name="plate", seed=(0, 0, 0))
+    right = fo.Size("right", "movable", faces="+x", tolerance=0.5)
+    high_peg = {"sizes": [right], "made": {"right": high}, "goal": "clear", "motion": fo.Translation("x"), "unit": "mm"}
+    return fo.solve(fo.Problem(fo.Box((10, 10, 10), name="peg"), plate, **high_peg, **asked))
+
+
+@pytest.mark.parametrize(
+    ("high", "limits", "told"),
+    [
+        (0.15, (-0.02, 0.02), "Widen the lower limit of TX to -0.05 mm, or change right (to +0.12 mm)."),
+        (0.15, (0.0, 0.0), "Widen the limits of TX to -0.05 mm, or change right (to +0.1 mm)."),
+        (0.25, (-0.2, 0.2), "Change right (to +0.2 mm)."),  # 10.25 in 10.2: no limit mends it
+        (0.25, (-0.02, 0.02), "Change right (to +0.12 mm)."),
+    ],
+)
+def test_how_far_a_size_or_a_limit_is_to_change_was_not_told(
+    high: float, limits: tuple[float, float], told: str
+) -> None:
+    """The face is .1 from the wall as drawn, and the peg may move as far as that the other way."""
+    assert advised(SolvedCase(peg_in_hole(high, limits={"TX": limits}))) == told
+
+
+def test_a_bar_in_a_bore_was_told_by_facets_and_the_bore_was_to_change() -> None:
+    """A bar 8 x 6 in a bore of 10.1, .3 wider: its diagonal is sqrt(8.3^2 + 6^2) = 10.2416; 8.1246 would do."""
+    bar, sleeve = fo.Box((8, 6, 20), name="bar"), fo.Box((20, 20, 10), name="sleeve")
+    sizes = [
+        fo.Size("bore", "static", faces="bore radius 5.05", each=-0.5, tolerance=0.01),
+        fo.Size("width", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.2),
+    ]
+    shifts = fo.Translation("x") >> fo.Translation("y")
+    problem = fo.Problem(
+        bar, fo.cut(sleeve, fo.Cylinder(5.05, 30, base=(0, 0, -15))),
+        sizes=sizes, made={"width": 0.3}, goal="clear", motion=shifts, unit="mm",
+    )  # fmt: skip
+    solution = fo.solve(problem)
+    assert verdict_text(solution).startswith("does not fit: bar 10.24 mm in sleeve 10.10 mm, across the bore")
+    assert "facets" not in verdict_text(solution)
+    assert advised(SolvedCase(solution)) == "Change width (to +0.124 mm)."  # the bore within .01 does not

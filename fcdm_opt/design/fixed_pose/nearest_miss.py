@@ -43,7 +43,8 @@ def nearest_miss(problem: Problem) -> str:
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return ""
     missed = _untouched if problem.goal in ("touch", "clear") else _contact_missed
-    q, told = (missed if touching_again(problem) is None else _unrestored)(problem)
+    q, lacking = (missed if touching_again(problem) is None else _unrestored)(problem)
+    told = list(dict.fromkeys(lacking))  # of several parts that one plane is on
     if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights

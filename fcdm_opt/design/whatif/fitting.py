@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from enum import Enum
 from functools import lru_cache, partial
 from typing import Any
@@ -13,10 +14,10 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
-from fcdm_opt.design.whatif.constraints import constraints
+from fcdm_opt.design.whatif.constraints import Constraint, constraints, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Translation
-from fcdm_opt.problem.fit import misfit
+from fcdm_opt.problem.fit import lack, misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -26,6 +27,9 @@ from fcdm_opt.tolerances import DEFAULT
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
 TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
+LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
+NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see what it does to widths
+MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
@@ -106,6 +110,12 @@ def fits_up_to(problem: Problem) -> float | None:
     if problem.tolerance is None or problem.requirement is None:
         return None
 
+    return _fitting_share(problem.deviating) * float(problem.tolerance.max())
+
+
+def _fitting_share(made: Callable[[float], Problem]) -> float:
+    """Return the largest share of something that is off drawn with which parts made have a usable motion."""
+
     def usable(made: Problem) -> bool:
         answer = solve(made, effort="quick", time=math.inf)
         if answer.stopped:
@@ -114,7 +124,7 @@ def fits_up_to(problem: Problem) -> float | None:
 
     def fits(share: float, moved: Callable[[Problem], bool]) -> bool:
         try:
-            return moved(problem.deviating(share))
+            return moved(made(share))
         except InputError:  # the goal does not hold at these sizes
             return False
 
@@ -127,7 +137,86 @@ def fits_up_to(problem: Problem) -> float | None:
     share = 1.0 if wide < 1.0 and fits(wide * (1.0 + BEYOND), has_motion) else wide
     for moved in (has_motion, usable):  # then motions, then what the judge says of them
         share = narrowed_by(moved, share)
-    return share * float(problem.tolerance.max())
+    return share
+
+
+def rounded_on(value: float, side: float, extent: float) -> float:
+    """Return a value to three digits of an extent, rounded to where there is more of it, or less with side -1."""
+    step = 10.0 ** (math.floor(math.log10(extent)) - 2)
+    return side * float(f"{math.ceil(side * value / step - ACCURACY / BEYOND) * step:.12g}")
+
+
+def widened_limits(scene: Scene) -> list[tuple[Constraint, float]]:
+    """Return which limits the least motion without any of them passes, and where it ends; none without a motion."""
+    limits = [own for own in constraints(scene) if own.parameter]
+    found = usable_answer(without(scene, [own.name for own in limits])) if limits else None
+    if found is None:
+        return []
+    passed = [own for own in limits if own.excess(found, found.certificate) > own.slack]
+    return [(own, found.coordinates[own.parameter]) for own in passed]
+
+
+def mending_sizes(problem: Problem) -> dict[str, float]:
+    """Return the sizes which alone, made otherwise, let the parts fit, with the least change of their deviations.
+
+    nan where no deviation was found to do; without any beyond their tolerances where others do. Sizes off drawn come
+    first. Where no widths tell, these alone are asked about, between what they are and drawn.
+    """
+    made = {own.name: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes}
+    names, found = sorted(made, key=lambda name: not made[name]), dict[str, float]()
+    if wanting := lack(problem):
+        off = {name: math.copysign(NUDGE * problem.size, -made[name]) for name in names}
+        rates = {name: (_lack_at(problem, name, made[name] + off[name]) - wanting) / off[name] for name in names}
+        most = max((abs(rate) for rate in rates.values() if not math.isnan(rate)), default=0.0)
+        known = {name: _unlacking(problem, name, rate) for name, rate in rates.items() if abs(rate) > LEVER * most}
+        found = {name: _rounded_fit(problem, name, value) for name, value in known.items()}
+    for name in (name for name in found or names if made[name] and math.isnan(found.get(name, math.nan))):
+        sized = partial(_with_share, problem, name)
+        share = _fitting_share(sized)
+        if 0.0 < share < 1.0 and not has_motion(sized(share * (1.0 + BEYOND))):  # else the judge refused it alone
+            found[name] = _rounded_fit(problem, name, share * made[name])
+    ends = {own.name: own.tolerance for own in problem.sizes if own.tolerance is not None}
+    within = {name: x for name, x in found.items() if name not in ends or ends[name][0] <= x <= ends[name][1]}
+    return within or found
+
+
+def _with_share(problem: Problem, name: str, share: float) -> Problem:
+    return problem.with_sizes({name: share * problem.made[name]})
+
+
+def _lack_at(problem: Problem, name: str, value: float) -> float:
+    """Return what widths lack with another deviation of a size; nan where it cannot be made."""
+    try:
+        return lack(problem.with_sizes({name: value}))
+    except InputError:
+        return math.nan
+
+
+def _unlacking(problem: Problem, name: str, rate: float) -> float:
+    """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end."""
+    value, wanting = (problem.made or {}).get(name, 0.0), lack(problem)
+    for _ in range(MOST_SECANTS):
+        last, value = value, value - wanting / rate
+        lacking = _lack_at(problem, name, value)
+        if not lacking > 0.0:
+            return value + 0.0 * lacking
+        if lacking == wanting:
+            break
+        rate, wanting = (lacking - wanting) / (value - last), lacking
+    return math.nan
+
+
+def _rounded_fit(problem: Problem, name: str, value: float) -> float:
+    """Return a deviation of a size in three digits with which there is a usable motion; nan where none is found."""
+    made = (problem.made or {}).get(name, 0.0)
+    if math.isfinite(value) and value != made:
+        side, extent = math.copysign(1.0, value - made), max(abs(value), abs(value - made))
+        for more in (0.0, BEYOND * extent):
+            rounded = rounded_on(value + side * more, side, extent)
+            with suppress(InputError):
+                if usable_answer(problem.with_sizes({name: rounded})) is not None:
+                    return rounded
+    return math.nan
 
 
 class Order(Enum):

@@ -17,9 +17,11 @@ from functools import partial
 from itertools import combinations, product
 from typing import Any, ClassVar
 
+import numpy as np
+
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import largest_share
+from fcdm_opt.design.whatif.fitting import ACCURACY, largest_share
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.placed_parts import gone_through
@@ -29,7 +31,7 @@ from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Bounded, Effort, Status
 from fcdm_opt.solver import any_motion, solve
-from fcdm_opt.stages.contact_system import violated
+from fcdm_opt.stages.contact_system import excluding_contacts, violated
 from fcdm_opt.tolerances import DEFAULT
 
 Names = frozenset[str]
@@ -43,6 +45,7 @@ MOST_ROUNDS = 4  # of narrowing in, where the solver missed a motion
 FINE = 1e-6  # relative, to which the largest share that can be made good is narrowed in: it is sampled anyhow
 ENOUGH = 1.01  # times the width that a bracket is to have: a look that far below settles it in spite of rounding
 COARSER = 100.0  # how fast the width of a bracket grows that is enough, where answers are neither motions nor proofs
+LARGE = 0.5  # of the shortest side of a part: an amount of more nearly takes a part out of what it is in
 SHARES = 8  # of the deviation from nominal that are tried before the largest that can be made good is narrowed in
 
 
@@ -120,7 +123,11 @@ class Trial(PlainMotion):
     def __str__(self) -> str:
         if not self.solution.usable:
             return f"{self.change}: no motion to use ({self.solution.status.words})"
-        return f"{self.change}: amount {measured(self.solution.amount, self.solution.amount_unit)}"
+        amount, question = measured(self.solution.amount, self.solution.amount_unit), self.solution.question
+        moved = question.motion_texts(self.solution.coordinates.values()).items()
+        motion = "; ".join(f"{part} {text}" if len(moved) > 1 else text for part, text in moved)
+        large = self.solution.amount > LARGE * min(float(np.ptp(own.vertices, axis=0).min()) for own in question.bodies)
+        return f"{self.change}: amount {amount} ({motion}{', nearly out of its place' * large})"
 
 
 class ClashSearch:
@@ -187,9 +194,12 @@ class ClashSearch:
 
         Sets are tried by size, so that all smaller ones are feasible when a clash is found, and weaker constraints
         before those that include them. Where one constraint less leaves a motion, every clash has it: with many sets of
-        a size others are not asked.
+        a size others are not asked. Contacts that exclude each other are what a solve tells, and nothing else is asked.
         """
         self._asked[self.names] = whole
+        contacts = [one.name for one in self.constraints if one.name.startswith("contact ")]
+        if contacts and (excluding := excluding_contacts(self.problem)):
+            return self._clashes([frozenset(contacts[k] for k in group) for group in excluding[:MOST_CLASHES]]), False
         shared: list[list[Names]] | None = None
         for size in range(len(self.chains) + 1):
             clashing: list[Names] = []
@@ -386,7 +396,9 @@ class ClashSearch:
         tried = next((k for k in range(SHARES - 1, -1, -1) if can(k / SHARES)), -1)
         if tried < 0:
             return LeastRelaxation(name=name, cures=False, note=note)
-        low, high = largest_share(can, tried / SHARES, (tried + 1) / SHARES, accuracy=FINE)
+        low, high = tried / SHARES, (tried + 1) / SHARES
+        if tried or can(ACCURACY):  # what less leaves is what the judge lets pass
+            low, high = largest_share(can, max(low, ACCURACY), high, accuracy=FINE)
         return LeastRelaxation(
             name=name, cures=low > 0.0, by=1.0 - low, value=low, failing=1.0 - high, solution=solutions[low], note=note
         )

@@ -310,8 +310,9 @@ class WhatIf(Plain, NotebookRepr):
 
     def __str__(self) -> str:
         """Return one line: the change, the amount before, after and predicted."""
-        after = measured(self.after.amount, self.after.amount_unit)
-        amounts = f"amount {number_text(self.before.amount)} -> {after}"
+        before = number_text(self.before.amount) if self.before.usable else "none"
+        after = measured(self.after.amount, self.after.amount_unit) if self.after.usable else "none"
+        amounts = "no amount before or after" if before == after == "none" else f"amount {before} -> {after}"
         told = f"predicted {number_text(self.predicted_amount)}"
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
