@@ -74,6 +74,11 @@ class Touching(NamedTuple):
         return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
 
     @property
+    def long(self) -> float:
+        """How deep an overlap is, or how wide a gap, where `across` tells; 0 of a contact."""
+        return 0.0 if self.across is None else float(np.linalg.norm(self.across[1] - self.across[0]))
+
+    @property
     def colour(self) -> str:
         """What it is drawn in."""
         return {"contact": GREEN, "overlap": PURPLE, "gap": GREY}[self.kind]
@@ -246,8 +251,7 @@ def draw_section(
     was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
     long, closed = float(np.linalg.norm(step)), abs(float(step @ contact.normal))
-    deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
-    wide = deep or (closed if closed > DEFAULT.touch * size else long)
+    wide = contact.long or (closed if closed > DEFAULT.touch * size else long)
     half = min(STEPS * wide, LARGEST * size) if wide > 1e-9 * size else STILL * size
     facing, plane, cuts = _cut_through(bodies, contact, step, page, half)
     axes = sheet.axes(*corner, INSET, INSET)

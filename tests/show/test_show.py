@@ -33,7 +33,7 @@ from fcdm_opt.geometry.primitives import Cylinder
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
-from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show.album import drawn_scene, solution_figure
 from fcdm_opt.show.assemblies import assembly_figure, parts_of
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -611,6 +611,32 @@ def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
     told = texts(solution_figure(refused))
     assert "not verified: parts as made, not moved" in told
     assert not [text for text in told if text.startswith("before")]
+
+
+def test_a_refused_case_magnified_what_its_motion_would_cure() -> None:
+    """A block .05 in its wall goes .05 aside, .01 into a clamp .04 away; one .4 higher is .1 below a camera, not .3."""
+    wall = fo.Box((4, 20, 10), centre=(-7, 0, 0), name="wall")
+    block = fo.Box((10, 10, 10), centre=(0, 0, 0), name="block")
+    clamp = fo.KeepOut(fo.Box((4, 4, 4), centre=(7.04, 0, 0), name="clamp"))
+    thick = [fo.Size("thick", "static", faces=["+x"], tolerance=0.1)]
+    asked: Any = {"goal": "at", "motion": Translation("x"), "made": {"thick": 0.05}, "unit": "mm"}
+    refused = fo.solve(fo.Problem(block, wall, sizes=thick, keep_out=[clamp], **asked))
+    shown, (found,) = (drawn_scene(refused)[0][key] for key in ("shown", "contacts"))
+    assert (shown.moves, found.kind, found.pair) == ((), "overlap", (0, 2))
+    assert found.long == pytest.approx(0.01, abs=1e-9)
+    assert shown.said.endswith(": parts as made, moved to where all else is met")
+    limited = fo.solve(fo.Problem(block, wall, sizes=thick, limits={"TX": (-0.02, 0.02)}, **asked))
+    shown, (found,) = (drawn_scene(limited)[0][key] for key in ("shown", "contacts"))
+    assert (found.kind, shown.said.rpartition(", ")[2]) == ("overlap", "at the nearest pose found")
+    assert found.long == pytest.approx(0.03, abs=1e-6)
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 10), 5), "camera": ((6, 6, 4), 12.5)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    taller = {"sizes": [fo.Size("height", "block", faces=["+z"], tolerance=0.5)], "made": {"height": 0.4}}
+    contacts = [("block", "base"), {"parts": ("block", "camera"), "goal": "clear", "clearance": 0.3}]
+    both = fo.solve(fo.Assembly(parts, contacts, motions={"block": Translation("z")}, unit="mm", **taller))
+    _, (found,) = parts_of(both)
+    assert (found.kind, found.pair) == ("gap", (1, 2))
+    assert found.long == pytest.approx(0.1, abs=1e-9)
 
 
 def test_overlaps_of_facets_were_drawn_of_round_parts_that_have_a_play() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
-from fcdm_opt.design.whatif.constraints import constraints
+from fcdm_opt.design.whatif.constraints import constraints, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.fit import misfit
@@ -77,6 +77,18 @@ def without_clearance(scene: Scene) -> Any:
     if not any(own.asked.get("clearance") for own in contacts):
         return None
     return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])
+
+
+@lru_cache(maxsize=16)
+def without_barriers(scene: Scene) -> Any:
+    """Return the answer to a question without keep-outs and clearances, as `usable_answer`; None if it has neither."""
+    gaps = "contact ", "clearance"
+    every = [
+        own.name
+        for own in constraints(scene)
+        if own.name.startswith("keep-out ") or (own.value > 0.0 and own.name.startswith(gaps))
+    ]
+    return usable_answer(without(scene, every)) if every else None
 
 
 @lru_cache(maxsize=16)
