@@ -36,7 +36,7 @@ UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in wo
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
-MOST_SIZES = 4  # sizes by name that are told in a line
+MOST_SIZES = 4  # sizes by name, or limits, that are told in a line
 
 
 def number(value: float | None, digits: int = DIGITS, least: float = NOISE) -> str:
@@ -115,14 +115,33 @@ def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
     texts = [f"{size.name} {size.deviation_text(x, scene.unit)}" for size, x in made if x]
-    more = [counted(len(texts) - MOST_SIZES, "more size")] if len(texts) > MOST_SIZES + 1 else []
-    return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
+    return ", ".join(_few(texts, "more size"))
+
+
+def _few(texts: list[str], more: str) -> list[str]:
+    """Return so many as are told in a line, and how many more there are."""
+    return texts if len(texts) <= MOST_SIZES + 1 else [*texts[:MOST_SIZES], counted(len(texts) - MOST_SIZES, more)]
 
 
 def made_text(assembly: Assembly, part: str) -> str:
     """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
     scale = assembly.scales[part]
     return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
+
+
+def limits_texts(scene: Scene) -> list[str]:
+    """Return the limits of each parameter that has some: "TX from -0.05 to 0.05 mm"."""
+    return [
+        f"{own.name} from {' to '.join(number(in_unit(end, unit)) for end in own.limits)} {unit}"
+        for own, unit in zip(scene.coordinates, parameter_units(scene), strict=True)
+        if any(map(math.isfinite, own.limits))
+    ]
+
+
+def limits_text(scene: Scene) -> str:
+    """Return the same on one line, of many the first: "limits TX from -0.05 to 0.05 mm"; "" where there are none."""
+    texts = _few(limits_texts(scene), "more limit")
+    return f"limits {', '.join(texts)}" if texts else ""
 
 
 def tolerance_text(problem: Problem) -> str:
@@ -139,9 +158,9 @@ def units_text(unit: str) -> str:
     return f"lengths in {unit}, angles in degrees"
 
 
-def parameter_units(problem: Problem) -> list[str]:
+def parameter_units(scene: Scene) -> list[str]:
     """Return what each parameter is shown in: the unit of lengths, or degrees."""
-    return ["deg" if kind == "rotation" else problem.unit or "length" for _, kind in problem.motion.parameters]
+    return ["deg" if own.kind == "rotation" else scene.unit or "length" for own in scene.coordinates]
 
 
 def in_unit(value: float, unit: str) -> float:

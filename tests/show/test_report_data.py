@@ -23,7 +23,15 @@ from fcdm_opt.show import texts
 from fcdm_opt.show.printing import printed
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report import gather as gathering
-from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered, size_rows, stack_report, stack_reports
+from fcdm_opt.show.report.cases import (
+    ANSWERED,
+    _sensitivities,
+    answered,
+    case_report,
+    size_rows,
+    stack_report,
+    stack_reports,
+)
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.page import assembly_report
@@ -785,6 +793,22 @@ def test_what_matters_most_was_told_beyond_where_its_rate_holds():
     assert (most["name"], most["unit"], most["value"]) == ("place of wall", "+0.12", pytest.approx(-0.03))
     assert not most["about"]
     assert _sensitivities(fo.solve(problem.changed(sizes=[])))["most"]["about"]
+
+
+def test_what_matters_most_was_told_where_nothing_fits():
+    """A key .18 in the left wall of a slot with .1 to either; .3 more is .28 too wide: no amount is 'about' right."""
+    slot = fo.cut(fo.Box((30, 30, 10), centre=(0, 0, 5)), fo.Box((10.2, 40, 10), centre=(0, 0, 10)), name="slot")
+    key = fo.Box((10, 8, 6), centre=(0, 0, 8.5), name="key")
+    size = fo.Size("width", "movable", faces=["-x"], tolerance=0.3)
+    limits = {"TX": (-0.3, 0.5)}
+    motion = fo.Translation("x")
+    problem = fo.Problem(
+        key, slot, sizes=[size], made={"width": 0.18}, goal="clear", motion=motion, limits=limits, unit="mm"
+    )
+    case = case_report(problem, solved_module.SolvedCase(fo.solve(problem)), name="c", frames=-1.0)
+    assert case["amount"] == pytest.approx(0.08)
+    assert (case["sensitivities"]["most"]["value"], case["sensitivities"]["most"]["outcome"]) == (None, "does not fit")
+    assert case["limits"] == "limits TX from -0.3 to 0.5 mm"
 
 
 def test_what_matters_most_is_a_size():

@@ -61,10 +61,15 @@ def largest_clearance(scene: Scene, name: str = "clearance") -> float:
     return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
 
 
+def quick_answer(scene: Scene, **changes: Any) -> Any:
+    """Return the answer to a question that is changed, None where the time does not last."""
+    with pacing.within(TOLD):
+        return pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+
+
 def usable_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
-    with pacing.within(TOLD):
-        found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+    found = quick_answer(scene, **changes)
     return found if found is not None and found.usable else None
 
 
