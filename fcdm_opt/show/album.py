@@ -118,7 +118,7 @@ def solution_figure(
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
-    if told := scene.numbered_contacts(drawn["contacts"]):
+    if told := scene.numbered_contacts(drawn["contacts"], drawn["shown"]):
         caption += f"\ncontacts: {'; '.join(told)}"
     return scene.scene_figure(**drawn, title=title, caption=caption)
 

@@ -254,6 +254,6 @@ def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     shown, contacts = parts_of(solution)
     state = f"as made, {shown.said.rpartition(', ')[2]}" if shown.said else f"after these motions; arrows: {ARROWS}"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
-    if numbered := numbered_contacts(contacts):
+    if numbered := numbered_contacts(contacts, shown):
         caption += f"\n{'in the way' if shown.said else 'contacts'}: {'; '.join(numbered)}"
     return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

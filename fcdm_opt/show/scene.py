@@ -26,7 +26,7 @@ from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PA
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.lettering import BADGE, Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of, touching
+from fcdm_opt.show.sections import INSET, Cut, Touching, change_at, draw_section, surface_of, touching
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -111,7 +111,7 @@ def scene_figure(
     `contacts`, what touches, are magnified in insets. The old places of bodies that moved are drawn in dashes, as many
     times as far off as the legend says. The unit of lengths stands at the bar of known length.
     """
-    insets = _magnified(contacts)
+    insets = _magnified(contacts, shown)
     below, pitch = len(insets) > BELOW, INSET + 0.45
     column = INSET + 0.15 if insets and not below else 0.0
     lines = sum(1 + len(label) // LETTERS for *_, label in shown.solids)
@@ -171,16 +171,16 @@ def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit:
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
-    for contact in reversed(_magnified(contacts)):
+    for contact in reversed(_magnified(contacts, shown)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
         facing = draw_section(part, (0.05, 0.18), *shown.met(contact), page, inch, unit)
         insets.insert(0, part.figure)
     cut = Cut.through(contacts, [body for body, *_ in shown.solids], page)[0] if contacts else None
     facing = facing if cut is None else cut.facing
-    return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts), facing, shown.view)
+    return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts, shown), facing, shown.view)
 
 
-def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str], ...]:
+def _key(axes: Any, contacts: Sequence[Touching], shown: ShownBodies) -> tuple[tuple[str, str, str], ...]:
     """Return what a page says of what is drawn, see `ScenePieces.key`."""
     from matplotlib.colors import to_hex
     from matplotlib.lines import Line2D
@@ -192,21 +192,22 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
             found.append((look, to_hex(handle.get_color()), label))
         else:
             found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
-    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts))
+    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts, shown))
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
-def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts that get an inset, one of each number, in order: of many first those that look unlike.
+def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touching]:
+    """Return the contacts that get an inset, one of each number, in order: of many first those that the motion closed.
 
-    Of these the first of each two bodies.
+    Then those on which it slid; of these those that look unlike, and of these the first of each two bodies.
     """
     insets: list[Touching] = []
     for contact in contacts:
         if all(own.pair != contact.pair or contact.number not in (0, own.number) for own in insets):
             insets.append(contact)
+    changes = [change_at([body for body, _ in both], own, moved) for both, own, moved in map(shown.met, insets)]
     ranks = [
-        (any(_look_alike(own, other) for other in insets[:k]), sum(other.pair == own.pair for other in insets[:k]), k)
+        (changes[k][1] == 0.0, not changes[k][0].any(), any(_look_alike(own, other) for other in insets[:k]), sum(other.pair == own.pair for other in insets[:k]), k)
         for k, own in enumerate(insets)
     ]
     return [insets[k] for k in sorted(k for *_, k in sorted(ranks)[:MOST_INSETS])]
@@ -748,12 +749,12 @@ def contacts_of(
     return sorted(named, key=lambda one: one.number or len(found))
 
 
-def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
+def numbered_contacts(contacts: Sequence[Touching], shown: ShownBodies) -> list[str]:
     """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot".
 
     No line breaks after the number. Of one that is not cut open, with the number of one that is and looks as it does.
     """
-    insets, words = _magnified(contacts), dict[int, str]()
+    insets, words = _magnified(contacts, shown), dict[int, str]()
     for each in contacts:
         alike = next((f"as in cut {own.number}" for own in insets if _look_alike(own, each)), "in the scene alone")
         where = "" if any(own.number == each.number for own in insets) else f" ({alike})"

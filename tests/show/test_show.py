@@ -54,7 +54,7 @@ from fcdm_opt.show.scene import (
     sharp_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, Cut, Touching, draw_section, free_corner, section, section_plane
+from fcdm_opt.show.sections import CORNER, Cut, Touching, change_at, draw_section, free_corner, section, section_plane
 from fcdm_opt.show.stacks import faces_figure
 from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
@@ -587,11 +587,35 @@ def test_a_contact_of_a_vise_had_no_number_and_no_cut() -> None:
     solution = clamped(0.4, across=60.0)
     told = texts(assembly_figure(solution))
     assert [told.count(str(number)) for number in range(1, 7)] == [1, 1, 1, 1, 1, 0]
-    words = numbered_contacts(parts_of(solution)[1])
+    words = numbered_contacts(*reversed(parts_of(solution)))
     assert [own[0] for own in words] == ["1", "2", "3", "4", "5"]
     cuts = {text.split()[1].rstrip(",") for text in told if text.startswith("contact ")}
     assert len(cuts) == 4
     assert all((own[0] in cuts) != own.endswith(("as in cut 1)", "in the scene alone)")) for own in words)
+
+
+def test_contacts_that_nothing_changes_were_magnified_before_the_one_that_a_size_opens() -> None:
+    """Four posts on a base, a cap on each; the last post is .1 higher: of eight contacts the last alone was open."""
+    base = fo.Box((60, 20, 4), centre=(0, 0, -2), name="base")
+    places = dict(enumerate((-24, -8, 8, 24), 1))
+    posts = [fo.Box((4, 4, 10), centre=(x, 0, 5), name=f"post {k}") for k, x in places.items()]
+    caps = [fo.Box((6, 6, 2), centre=(x, 0, 11), name=f"cap {k}") for k, x in places.items()]
+    contacts = [*((post.name, "base") for post in posts), *((f"cap {k}", f"post {k}") for k in places)]
+    motions = {own.name: Translation("z") for own in (*posts, *caps)}
+    sizes = {"sizes": [fo.Size("height", "post 4", faces=["+z"], tolerance=0.2)], "made": {"height": 0.1}}
+    shown, met = parts_of(fo.solve(fo.Assembly([base, *posts, *caps], contacts, motions=motions, **sizes)))
+    told = " ".join(text for own in scene_pieces(shown, contacts=met).insets for text in texts(own))
+    assert re.findall(r"contact (\d)", told) == ["1", "2", "3", "8"]
+    (last,) = (own for own in met if own.number == 8)
+    assert change_at([body for body, _ in shown.met(last)[0]], *shown.met(last)[1:])[1] == pytest.approx(0.1)
+    pose, angle = np.eye(4), np.radians(0.1)  # a lid on a tip, which turns 2 above it and goes on touching
+    pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    pose[:3, 3] = np.array([0, 0, 2]) - pose[:3, :3] @ (0, 0, 2)
+    normal = pose[:3, :3] @ (0, 0, 1)
+    pose[:3, 3] -= (pose[:3, 3] @ normal) * normal
+    step, closed = change_at([box((0, 0, 0), 9.0)] * 2, Touching((np.zeros((1, 3)),), normal), pose)
+    assert np.linalg.norm(step) == pytest.approx(2 * np.sin(angle), rel=1e-3)
+    assert closed == 0.0
 
 
 def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
