@@ -758,6 +758,7 @@ def test_the_gap_that_a_contact_keeps_was_called_apart_and_no_more():
     assert [row[3] for row in told["contacts"]] == ["touching", "apart 0.15 mm, at least 0.01 mm required"]
     (stack,) = told["stacks"]
     assert stack["of"] == "cover and slide"
+    assert stack["between"] == ""
     assert stack["yield"]["limits"] == "of at least 0.01 mm"
     assert stack["yield"]["what"] == "fit without a further motion"  # no share of scrap: motions close the others
     assert stack["yield"]["share"] == "100.0000%"  # of .05 to .15
@@ -849,7 +850,8 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     kept = stack_report(asked.changed(keep_out=[post]))  # it had none: the gap of the two is what it is without
     assert kept == stack_report(asked) | {"notes": [told, kept["notes"][1]]}
     assert kept["worst"][0]["gap"] == pytest.approx(0.1 - 0.03, abs=1e-14)
-    assert kept["yield"]["what"] == "fit without a motion"
+    assert kept["yield"]["what"] == "clear without a motion"  # of goal "touch" no pair fits without one
+    assert "+x" in kept["between"]
     assert "keep-outs (post) have no part in it" in kept["notes"][1]
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

@@ -145,6 +145,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
     return {
         "unit": scene.unit,
         "of": " and ".join(found.parts),
+        "between": "" if found.parts else found.deciding_contact,
         "is_closed": bool(found.standing) and gaps[0] > 0.0,  # at all sizes; all that they move stays apart
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
@@ -153,7 +154,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         ],
         "spread": {"what": what, "ends": ends},
         "yield": {"what": "all but closed contacts" if found.is_outside_limits_when_closed
-                  else f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
+                  else "fit without a further motion" if found.parts else "clear without a motion",
                   "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"}
                  if np.isfinite(found.limits).any() else None,
         "chart": inline_svg(gap_figure(found, drawn), name),
