@@ -85,6 +85,11 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert rows[11][0] == "2.02 mm"
     assert float(rows[11][4]) == pytest.approx(-0.006)
     assert "Measure the parts" in page.read_text(encoding="utf-8")
+    both = problem.changed(motion=problem.motion >> fo.Translation("y"))  # y does nothing for it
+    table, page = write_grids(fo.compensation_map(both), both, tmp_path / "both", title="a title")
+    assert page.read_text(encoding="utf-8").count("<table") == 1
+    assert "0 at all these sizes: TY." in page.read_text(encoding="utf-8")
+    assert "TY, mm" in table.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
