@@ -22,7 +22,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
-from fcdm_opt.show.verdict import motion_said, poses_shown, refusal_text, verdict_text
+from fcdm_opt.show.verdict import motion_said, poses_shown, refusal_text, straight_texts, verdict_text
 
 LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
@@ -69,12 +69,13 @@ class Album:
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         meant = EXPLAINED[problem.goal].removeprefix("goal: ")
-        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {verdict_text(solution)}"
+        said = "; ".join([verdict_text(solution), *straight_texts(solution)])
+        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {said}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         view = scene.view_of(problem.curve, tuple(problem.nominal_pair.tolist()), scene.shifts_of(problem))
         view = self._views.setdefault(stem, view)
-        figure = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
+        figure = solution_figure(solution, view=view, title=title, caption=f"{said}{{sizes}}")
         self._write(f"{name}-scene", figure)
         if solution.usable and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))

@@ -82,6 +82,9 @@ KINDS = {"contact": "in contact", "overlap": OVERLAP, "gap": "where the gap is l
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
+LEAST_TIMES, SEEN_TURN = 2.0, 0.1
+"""A motion that is drawn less than so many times as far off, or that turns by more radians, is drawn as it is."""
+
 TANGENT, SMOOTH = 0.93, 0.99
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge; the same
 where one is known to be round, and how it is turned there."""
@@ -207,7 +210,13 @@ def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touchin
             insets.append(contact)
     changes = [change_at([body for body, _ in both], own, moved) for both, own, moved in map(shown.met, insets)]
     ranks = [
-        (changes[k][1] == 0.0, not changes[k][0].any(), any(_look_alike(own, other) for other in insets[:k]), sum(other.pair == own.pair for other in insets[:k]), k)
+        (
+            changes[k][1] == 0.0,
+            not changes[k][0].any(),
+            any(_look_alike(own, other) for other in insets[:k]),
+            sum(other.pair == own.pair for other in insets[:k]),
+            k,
+        )
         for k, own in enumerate(insets)
     ]
     return [insets[k] for k in sorted(k for *_, k in sorted(ranks)[:MOST_INSETS])]
@@ -329,16 +338,34 @@ class ShownBodies:
             return {}, 1.0
         turns = {k: Rotation.from_matrix(moved[k][1][:3, :3].T) for k in was}
         most = max(turn.magnitude() for turn in turns.values())
-        times = max(1.0, min(FAR * size / max(far.values()), MOST_TURN / max(most, 1e-300)))
-        if times < 1.5:
+        times = FAR * size / max(far.values())
+        times = max(times / 2.0, min(times, self._room(was)))
+        times = max(1.0, min(times, MOST_TURN / max(most, 1e-300)))
+        if times < LEAST_TIMES or most > SEEN_TURN:
             return was, 1.0
-        times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
+        digit = 10.0 ** np.floor(np.log10(times))
+        times = float(digit * np.floor(times / digit)) if times > 3.0 else float(f"{times:.2g}")
         for k, turn in turns.items():
             middle, motion = moved[k][0].vertices.mean(axis=0), np.eye(4)
             motion[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
             motion[:3, 3] = middle - motion[:3, :3] @ middle + times * (was[k].vertices.mean(axis=0) - middle)
             was[k] = moved[k][0].moved(motion)
         return was, times
+
+    def _room(self, was: Mapping[int, Body]) -> float:
+        """Return how many times as far off bodies that moved stay within the box of the others, where they stand in it.
+
+        Infinite along what they stand out of.
+        """
+        found = [np.inf]
+        for k, old in was.items():
+            others = np.vstack([body.vertices for j, (body, *_) in enumerate(self.solids) if j != k])
+            for sign in (1.0, -1.0):
+                points = self.solids[k][0].vertices, old.vertices, others
+                low, least, end = ((sign * own).min(axis=0) for own in points)
+                within = (low > end) & (least < low)
+                found += ((low - end)[within] / (low - least)[within]).tolist()
+        return min(found)
 
     @property
     def slenderness(self) -> float:

@@ -132,9 +132,13 @@ def answer_text(solution: Solution) -> str:
         row += f"pair made {solution.pair_state}; {texts.outcome_text(solution)}"
     else:
         row += f": {texts.outcome_text(solution)}"
+    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *straight_texts(solution)])
+
+
+def straight_texts(solution: Solution) -> list[str]:
+    """Return that the straight motion goes through another part, if it does."""
     through = texts.listed(gone_through(solution)) if solution.usable else ""
-    words = [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
-    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *words])
+    return [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
 
 
 def gone_through(solution: Solution) -> list[str]:

@@ -340,6 +340,14 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
     assert ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0)).before[1] == 1.0
+    for degrees, drawn in ((16.5, 1.0), (2.0, 14.0)):  # what is seen is as it is: it was 1.7 times as far
+        assert ShownBodies.of(one, two, transform=turned(degrees), view=(20.0, -70.0)).before[1] <= drawn
+    slab, part = (
+        Body.convex(cuboid(*ends)) for ends in (((-1.2, -1.2, -0.25), (1.2, 1.2, 0.6)), ((-1, -1, 0), (1, 1, 1)))
+    )
+    rise = placed((0, 0, 0.001))
+    times = ShownBodies.of(part.moved(np.linalg.inv(rise)), slab, transform=rise).before[1]
+    assert 100.0 < times <= 250.0  # .25 above the bottom of what it stands in, from below which it seemed to come
 
 
 def test_a_section_is_what_a_plane_cuts_out() -> None:
