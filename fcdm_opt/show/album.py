@@ -69,13 +69,13 @@ class Album:
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         meant = EXPLAINED[problem.goal].removeprefix("goal: ")
-        said = "; ".join([verdict_text(solution), *straight_texts(solution)])
-        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {said}"
+        text = "; ".join([verdict_text(solution), *straight_texts(solution)])
+        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {text}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         view = scene.view_of(problem.curve, tuple(problem.nominal_pair.tolist()), scene.shifts_of(problem))
         view = self._views.setdefault(stem, view)
-        figure = solution_figure(solution, view=view, title=title, caption=f"{said}{{sizes}}")
+        figure = solution_figure(solution, view=view, title=title, caption=f"{text}{{sizes}}")
         self._write(f"{name}-scene", figure)
         if solution.usable and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))

@@ -251,8 +251,8 @@ POWERS = -10, 50
 DOUBLE = 2.6  # points across a double line
 SCALES = "\u03c1\u2081", "\u03c1\u2082"  # names of both scales: rho with an index
 OPEN, FARTHEST_END = 2.0, 20.0
-"""Times as far as to the nearer end of a range of sizes by name it is drawn, or as the motion asked about where this end
-is more than so many times as far."""
+"""Times as far as to its nearer end a range of sizes by name is drawn, or as the motion asked about where this end is
+more than so many times as far."""
 
 INSIDE = 1.0 - 2.0**-20  # share of a range that is drawn: just at its end the tracked lines may be parallel
 

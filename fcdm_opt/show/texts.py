@@ -30,7 +30,7 @@ NOT_MET = "clearance not met"  # of parts that fit without one
 NONE = "\u2013"  # an en dash, where a page has no value
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
-ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn
+ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn; of an amount, a bound that is told as it
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
@@ -235,7 +235,10 @@ def proved_least(solution: Bounded) -> bool:
 
 
 def bound_text(solution: Bounded) -> str:
-    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" of ones not to be used."""
+    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" of ones not to be used.
+
+    Of one within `ALMOST` of the amount this.
+    """
     if solution.status in (Status.OUTSIDE_FIT, Status.NOT_VERIFIED):
         return "-"
     if not math.isfinite(solution.lower_bound):
@@ -248,6 +251,8 @@ def bound_text(solution: Bounded) -> str:
     mesh = "of the mesh" * bool(solution.left_by_mesh)
     if proved_least(solution):
         return f"{amount_text(solution.amount)}\n{mesh or 'exact'}"
+    if solution.gap <= ALMOST:  # how near it is differs with the time that a proof has
+        return f"{amount_text(solution.amount)}\nto {ALMOST:.0e}" + f", {mesh}" * bool(mesh)
     near = f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it"
     return f"{rounded}\n{near}" + f", {mesh}" * bool(mesh)
 

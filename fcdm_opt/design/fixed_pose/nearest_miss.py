@@ -43,23 +43,23 @@ def nearest_pose(problem: Problem) -> tuple[Array, list[str]]:
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
         return np.zeros(len(problem.limits)), []
     missed = _untouched if problem.goal in ("touch", "clear") else _contact_missed
-    q, told = (missed if touching_again(problem) is None else _unrestored)(problem)
+    q, lacking = (missed if touching_again(problem) is None else _unrestored)(problem)
     if any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
-        told = []
-    return np.clip(np.where(np.abs(q) <= NEAR * problem.size / problem.weights, 0.0, q), *problem.limits.T), told
+        lacking = []
+    return np.clip(np.where(np.abs(q) <= NEAR * problem.size / problem.weights, 0.0, q), *problem.limits.T), lacking
 
 
 def nearest_miss(problem: Problem) -> str:
     """Return in words what still lacks at the best pose found, and between what; "" where that is not known."""
-    q, told = nearest_pose(problem)
-    if not told:
+    q, lacking = nearest_pose(problem)
+    if not lacking:
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
     held = [name for name, end in zip(problem.motion.names, np.fmin(q - low, high - q) <= near, strict=True) if end]
     limit = f", {' and '.join(held)} at the limit" if held else ""
     where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
-    more = f"; {len(told) - TOLD} more" if len(told) > TOLD else ""
-    return f"at the nearest pose found ({where}{limit}) {'; '.join(told[:TOLD])}{more}"
+    more = f"; {len(lacking) - TOLD} more" if len(lacking) > TOLD else ""
+    return f"at the nearest pose found ({where}{limit}) {'; '.join(lacking[:TOLD])}{more}"
 
 
 def _untouched(problem: Problem) -> tuple[Array, list[str]]:

@@ -333,13 +333,14 @@ def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
         return None
     most, problem = max(sizes, key=lambda bar: abs(bar.value)), solution.problem
     named = {f"{own.name} of {name_of(problem, own.body == 'static')}": own for own in problem.sizes}
-    size, made = named.get(most.name) if most.note == HALF else None, problem.made or {}
-    stepped = size and quick_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
+    size, made, stepped = named.get(most.name) if most.note == HALF else None, problem.made or {}, None
+    if size is not None:
+        stepped = quick_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
     if stepped and not (stepped.usable or stepped.stopped):
         return {**finite(most._asdict()), "value": None, "about": False, "outcome": barred_text(stepped)}
-    usable = stepped and stepped.usable
-    value = stepped.amount - solution.amount if usable else max(most.value, -solution.amount)
-    return {**finite(most._asdict()), "value": finite(value), "about": not usable, "outcome": ""}
+    known = bool(stepped and stepped.usable)
+    value = stepped.amount - solution.amount if stepped and known else max(most.value, -solution.amount)
+    return {**finite(most._asdict()), "value": finite(value), "about": not known, "outcome": ""}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:
