@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -244,14 +244,14 @@ def poses_shown(solution: Bounded) -> tuple[Any, str]:
     A motion is (4, 4), of an assembly by its parts; None at rest.
     """
     from fcdm_opt.design.fixed_pose.nearest_miss import nearest_pose
-    from fcdm_opt.design.whatif.fitting import without_barriers
+    from fcdm_opt.design.whatif.fitting import without_clearance
 
     moved, scene = "transform" if hasattr(solution, "transform") else "transforms", solution.question
     none: tuple[Any, list[str]] = (), []
     if solution.usable:
         return getattr(solution, moved), ""
     if not solution.stopped and solution.status.name in MISSED:
-        if (known := pacing.in_time(without_barriers, scene, late=None)) is not None:
+        if (known := pacing.in_time(partial(without_clearance, keep_outs=True), scene, late=None)) is not None:
             return getattr(known, moved), "moved to where all else is met"
         q, lacking = pacing.in_time(nearest_pose, scene, late=none) if moved == "transform" else none
         if lacking and any(q):

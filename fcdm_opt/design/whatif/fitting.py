@@ -74,26 +74,15 @@ def usable_answer(scene: Scene, **changes: Any) -> Any:
 
 
 @lru_cache(maxsize=16)
-def without_clearance(scene: Scene) -> Any:
-    """Return the answer to a question without its clearances, as `usable_answer`; None of one that has none."""
-    if isinstance(scene, Problem):
-        return usable_answer(scene, clearance=0.0) if scene.goal == "clear" and scene.clearance > 0.0 else None
-    contacts = scene.contacts
-    if not any(own.asked.get("clearance") for own in contacts):
-        return None
-    return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])
+def without_clearance(scene: Scene, *, keep_outs: bool = False) -> Any:
+    """Return the answer to a question without clearances, as `usable_answer`; None of one that has none.
 
-
-@lru_cache(maxsize=16)
-def without_barriers(scene: Scene) -> Any:
-    """Return the answer to a question without keep-outs and clearances, as `usable_answer`; None if it has neither."""
-    gaps = "contact ", "clearance"
-    every = [
-        own.name
-        for own in constraints(scene)
-        if own.name.startswith("keep-out ") or (own.value > 0.0 and own.name.startswith(gaps))
-    ]
-    return usable_answer(without(scene, every)) if every else None
+    Of two parts where they are its goal; `keep_outs`: without these, too.
+    """
+    heads = "contact ", *(["clearance"] if getattr(scene, "goal", "") == "clear" else [])
+    known = [own.name for own in constraints(scene) if own.value > 0.0 and own.name.startswith(heads)]
+    known += [f"keep-out {own.name!r}" for own in scene.keep_out if keep_outs]
+    return usable_answer(without(scene, known)) if known else None
 
 
 @lru_cache(maxsize=16)
