@@ -16,13 +16,13 @@ from fcdm_opt.lazy_import import extra
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.solution import Bounded, Solution
 from fcdm_opt.show import Figure, save, scene
-from fcdm_opt.show.assemblies import assembly_figure
+from fcdm_opt.show.assemblies import assembly_figure, barriers
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
-from fcdm_opt.show.verdict import motion_said, refusal_text, verdict_text
+from fcdm_opt.show.verdict import motion_said, poses_shown, refusal_text, straight_texts, verdict_text
 
 LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
@@ -69,12 +69,13 @@ class Album:
         name = self._once(f"{stem}-{problem.name}")
         title = f"{title}: case {problem.name}"
         meant = EXPLAINED[problem.goal].removeprefix("goal: ")
-        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {verdict_text(solution)}"
+        text = "; ".join([verdict_text(solution), *straight_texts(solution)])
+        caption = f"{asked_text(problem)}, goal {goal_text(problem)} ({meant}): {text}"
         pacing.at("drawing")
         self._write(f"{name}-curve", before_after_figure(problem, solution, title=title, caption=caption))
         view = scene.view_of(problem.curve, tuple(problem.nominal_pair.tolist()), scene.shifts_of(problem))
         view = self._views.setdefault(stem, view)
-        figure = solution_figure(solution, view=view, title=title, caption=f"{verdict_text(solution)}{{sizes}}")
+        figure = solution_figure(solution, view=view, title=title, caption=f"{text}{{sizes}}")
         self._write(f"{name}-scene", figure)
         if solution.usable and sum(abs(bar.value) > 0.0 for bar in bars(solution.sensitivity, problem)) > 1:
             self._write(f"{name}-sensitivities", sensitivities_figure(solution, title=title, caption=caption))
@@ -111,32 +112,29 @@ def solution_figure(
     Seen from a `view` (elevation, azimuth; degrees), by default from where the nominal contact is seen best. In the
     caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
-    drawn, rho = _drawn(solution, view)
-    moved = drawn["shown"].moves and not drawn["shown"].said
+    drawn, rho = drawn_scene(solution, view)
+    moved, refused = drawn["shown"].moves, drawn["shown"].said
     drawn["shown"] = replace(drawn["shown"], said=motion_said(solution)) if moved else drawn["shown"]
-    shown = "shown" if moved else "shown unmoved"
+    shown = "shown" if moved else f"shown {refused.rpartition(', ')[2] or 'unmoved'}"
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
-    if told := scene.numbered_contacts(drawn["contacts"]):
+    if told := scene.numbered_contacts(drawn["contacts"], drawn["shown"]):
         caption += f"\ncontacts: {'; '.join(told)}"
     return scene.scene_figure(**drawn, title=title, caption=caption)
 
 
 def solution_pieces(solution: Solution) -> scene.ScenePieces:
     """Draw the same in pieces, for a report, which has the motion in words."""
-    return scene.scene_pieces(**_drawn(solution, None)[0])
+    return scene.scene_pieces(**drawn_scene(solution)[0])
 
 
-def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[str, Any], Array]:
+def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> tuple[dict[str, Any], Array]:
     """Return what is drawn of an answer, and at which sizes."""
     problem = solution.problem.reformulated
-    rho, transform = problem.nominal_pair if solution.rho is None else solution.rho, solution.transform
-    overlap, refused = None, refusal_text(solution)
-    if refused:  # why there is no motion to use
-        rho, transform = solution.pair, None
-        at_rest = problem.movable.scaled(rho[0]), problem.static.scaled(rho[1])
-        overlap = pacing.in_time(Touching.overlap, *at_rest, late=None)
+    transform, where = poses_shown(solution)
+    refused, rho = refusal_text(solution, where), problem.nominal_pair if solution.rho is None else solution.rho
+    rho = solution.pair if refused else rho
     moved = problem.curve_after(transform, rho)
     keep_out = [keep_out.body.scaled(keep_out.ends[1]) for keep_out in problem.keep_out]
     if view is None:  # with sizes by name there may be no nominal contact
@@ -146,7 +144,17 @@ def _drawn(solution: Solution, view: tuple[float, float] | None) -> tuple[dict[s
     bodies = problem.movable, problem.static
     shown = scene.ShownBodies.of(*bodies, rho=rho, transform=transform, keep_out=keep_out, view=view, said=refused)
     counted = problem.contacts or solution.features
-    contacts = [overlap] if overlap else scene.contacts_of(moved, rho, shown, counted, problem)
+    contacts = list[Touching]()
+    if refused:  # why there is no motion to use
+        part = problem.movable.scaled(rho[0])
+        part = part if transform is None else part.moved(transform)
+        placed = part, problem.static.scaled(rho[1]), *(solid for solid, *_ in shown.solids[2:])
+        names = [label.partition(": ")[2] for *_, label in shown.solids]
+        needs: dict[tuple[int, ...], float] = {(0, 1): problem.clearance}
+        for own, body in zip(problem.keep_out, keep_out, strict=True):
+            needs |= {(0, k): own.clearance for k, (solid, *_) in enumerate(shown.solids) if solid is body}
+        shown, contacts = replace(shown, moves=()), barriers(placed, names, [0], needs)
+    contacts = contacts or scene.contacts_of(moved, rho, shown, counted, problem)
     if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
         contacts = [gap]
     return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.decision_curve import decision_curve
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import gaps_off
@@ -26,7 +28,8 @@ from fcdm_opt.show.scene import MOST_INSETS, VIEW, ShownBodies, contacts_of, num
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import UNPROVED, failed_text, print_solutions, verdict_cell
-from fcdm_opt.show.verdict import EXACT, barring, instruction_text, refusal_text, verdict_text
+from fcdm_opt.show.verdict import EXACT, barring, instruction_text, poses_shown, refusal_text, verdict_text
+from fcdm_opt.tolerances import DEFAULT
 
 NUMBERS = ("amount", "total", "proved\nat least")
 
@@ -193,14 +196,24 @@ def touching(solution: AssemblySolution) -> list[Touching]:
     return found
 
 
-def overlapping(bodies: Sequence[Body], names: Sequence[str], moving: Sequence[int]) -> list[Touching]:
-    """Return where bodies overlap, of which one moves at least; numbered by pairs where several do."""
-    found = [
-        one._replace(pair=pair)
-        for pair in combinations(range(len(bodies)), 2)
-        if not set(pair).isdisjoint(moving)
-        and (one := pacing.in_time(Touching.overlap, *(bodies[k] for k in pair), late=None)) is not None
-    ]
+def barriers(
+    bodies: Sequence[Body],
+    names: Sequence[str],
+    moving: Sequence[int],
+    needs: Mapping[tuple[int, ...], float] = MappingProxyType({}),
+) -> list[Touching]:
+    """Return where bodies overlap, or are nearer than is needed by their rows, of which one moves at least.
+
+    Numbered by pairs where several do.
+    """
+    found = list[Touching]()
+    for pair in combinations(range(len(bodies)), 2):
+        both, need = [bodies[k] for k in pair], needs.get(pair, 0.0)
+        one = None if set(pair).isdisjoint(moving) else pacing.in_time(Touching.overlap, *both, late=None)
+        if one is None and need > 0.0:
+            one = pacing.in_time(Touching.gap, decision_curve(*both), np.ones(2), *both, late=None)
+            one = one if one is not None and one.long < need - DEFAULT.touch * both[0].size else None
+        found += [] if one is None else [one._replace(pair=pair)]
     several = len(found) > 1
     return [
         one._replace(number=number * several, told=" - ".join(names[k] for k in one.pair) * several)
@@ -212,12 +225,12 @@ ARROWS = "where each part goes, with what carries it (not to scale)"  # what arr
 
 
 def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
-    """Return the parts as made, after their motions, and what touches then; unmoved where none are to be used.
+    """Return the parts as made, after their motions, and what touches then.
 
-    Then with what overlaps.
+    Where none are to be used as `poses_shown`, with what overlaps, or is nearer than is asked.
     """
-    assembly, bodies, refused = solution.assembly, list[Body](), refusal_text(solution)
-    poses: list[Any] = [None if refused else solution.transforms.get(part) for part in assembly.parts]
+    assembly, bodies, (moved, where) = solution.assembly, list[Body](), poses_shown(solution)
+    refused, poses = refusal_text(solution, where), [moved.get(part) for part in assembly.parts]
     for pose, (part, body) in zip(poses, assembly.bodies_made.items(), strict=True):
         made = body.scaled(assembly.scales[part])
         bodies.append(made if pose is None else made.moved(pose))
@@ -228,14 +241,19 @@ def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
         return ShownBodies.of_parts(bodies, names, poses), touching(solution)
     moving = [k for k, part in enumerate(assembly.parts) if part in assembly.motions]
     named = [*assembly.parts, *(keep_out.name for keep_out in assembly.keep_out)]
-    return replace(ShownBodies.of_parts(bodies, names), said=refused), overlapping(bodies, named, moving)
+    rows = {part: k for k, part in enumerate(assembly.parts)}
+    needs = {
+        tuple(sorted((rows[pair.one], rows[pair.two]))): pair.asked.get("clearance", 0.0) for pair in assembly.contacts
+    }
+    needs |= {(k, len(rows) + j): keep_out.clearance for k in moving for j, keep_out in enumerate(assembly.keep_out)}
+    return replace(ShownBodies.of_parts(bodies, names), said=refused), barriers(bodies, named, moving, needs)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
-    """Draw the parts as made, after their motions; unmoved where none are to be used."""
+    """Draw the parts as made, after their motions, or where `parts_of` shows them."""
     shown, contacts = parts_of(solution)
-    state = "as made, not moved" if shown.said else f"after these motions; arrows: {ARROWS}"
+    state = f"as made, {shown.said.rpartition(', ')[2]}" if shown.said else f"after these motions; arrows: {ARROWS}"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
-    if numbered := numbered_contacts(contacts):
-        caption += f"\n{'overlaps' if shown.said else 'contacts'}: {'; '.join(numbered)}"
+    if numbered := numbered_contacts(contacts, shown):
+        caption += f"\n{'in the way' if shown.said else 'contacts'}: {'; '.join(numbered)}"
     return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

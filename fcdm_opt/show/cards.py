@@ -29,6 +29,7 @@ from fcdm_opt.show.texts import (
     bound_text,
     counted,
     in_unit,
+    limits_texts,
     number,
     numbers,
     outcome_text,
@@ -144,11 +145,6 @@ def curve_card(curve: DecisionCurve) -> Card:
 def problem_card(problem: Problem) -> Card:
     """Return the card of a problem: what is asked, and the curve with what it is about."""
     names = problem.motion.names
-    limits = [
-        f"{name} from {number(in_unit(low, unit))} to {number(in_unit(high, unit))} {unit}"
-        for name, unit, (low, high) in zip(names, parameter_units(problem), problem.limits.tolist(), strict=True)
-        if math.isfinite(low) or math.isfinite(high)
-    ]
     asked = f"requirement {problem.requirement}" if problem.requirement else "explicit target"
     bodies = [
         f"{body.name}, {counted(len(body.corners), 'corner')}, {counted(len(body.parts), 'part')}"
@@ -166,7 +162,7 @@ def problem_card(problem: Problem) -> Card:
     return Card(
         _title("Problem", problem),
         facts=facts,
-        lists={"limits": limits, "tracked contact": [feature.label for feature in problem.tracked_features]},
+        lists={"limits": limits_texts(problem), "tracked contact": [own.label for own in problem.tracked_features]},
         state="to be solved",
         picture=before_after_figure(problem),
         told="decision curve, nominal pair and pair made",

@@ -158,5 +158,8 @@ def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str)
              "reached": number(found.reached), "bounded": np.isfinite(found.reached),
              "open": any("?" in row for table in tables for row in table.cells),
              "jumps": any(own.jumps for own in found.boundaries)}  # fmt: skip
-    write(paths[1], rendered("grid.html", grids=tables, **words))
+    moving = [table for table in tables if any(cell not in ("0", "-", "?") for row in table.cells for cell in row)]
+    moving = moving or tables[:1]  # where no part has to move, where one can
+    words["still"] = ", ".join(table.name for table in tables if table not in moving)
+    write(paths[1], rendered("grid.html", grids=moving, **words))
     return paths

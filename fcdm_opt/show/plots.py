@@ -75,12 +75,8 @@ def before_after_figure(
     sheet = Sheet.of(PAGE, 3.6, title=title, caption=caption)
     whole, zoom = (sheet.axes(left, 0.75, 2.62, 2.62) for left in (0.48, 3.88))
     limits = window(problem, solution)
-    box: Any = problem.box
-    name = "whole box"
-    if problem.sizes and np.array_equal(box, DEFAULT_BOX):  # which says nothing of these sizes
-        middle, far = limits.mean(axis=1), AROUND * np.ptp(limits, axis=1)
-        box = np.column_stack([np.maximum(middle - far, limits[:, 0] / 2.0), middle + far])
-        name = "around the parts made"
+    box = whole_box(problem, limits)
+    name = "whole box" if _has_box(problem) else "around the parts made"
     scales = "made" if problem.made else "drawn"
     plane(whole, box, scales)
     plane(zoom, limits, scales)
@@ -107,6 +103,19 @@ def before_after_figure(
     zoom.set_title("enlarged: the frame on the left")
     sheet.legend(*zoom.get_legend_handles_labels(), bottom=0.0)
     return sheet.figure
+
+
+def whole_box(problem: Problem, limits: Array) -> Any:
+    """Return a problem's box, or scales around limits, (2, 2), where it has none."""
+    if _has_box(problem):
+        return problem.box
+    middle, far = limits.mean(axis=1), AROUND * np.ptp(limits, axis=1)
+    return np.column_stack([np.maximum(middle - far, limits[:, 0] / 2.0), middle + far])
+
+
+def _has_box(problem: Problem) -> bool:
+    """Tell whether a box of scales says something: not the usual one, where sizes by name are made."""
+    return not (problem.sizes and np.array_equal(problem.box, DEFAULT_BOX))
 
 
 def plane(axes: Any, box: ArrayLike, scaled: str = "drawn") -> None:
@@ -241,6 +250,10 @@ POWERS = -10, 50
 
 DOUBLE = 2.6  # points across a double line
 SCALES = "\u03c1\u2081", "\u03c1\u2082"  # names of both scales: rho with an index
+OPEN, FARTHEST_END = 2.0, 20.0
+"""Times as far as to its nearer end a range of sizes by name is drawn, or as the motion asked about where this end is
+more than so many times as far."""
+
 INSIDE = 1.0 - 2.0**-20  # share of a range that is drawn: just at its end the tracked lines may be parallel
 
 
@@ -250,7 +263,8 @@ def family_figure(coherent: CoherentRange, *, title: str = "") -> Figure:
 
     Left: the family, from the lower end (blue) over rest (black) to the upper end (vermillion); what the tracked
     features' segments sweep is shaded, and its two border curves are double lines. Right: the tracked pair's scales.
-    Where the range leads out of the box of scales, it is drawn as far as the tracked pair stays in it.
+    Where the range leads out of the box of scales, it is drawn as far as the tracked pair stays in it; of sizes by
+    name no further than `OPEN` times as far as to the nearer end, or as the motion asked about where that is far.
     """
     sheet = Sheet.of(PAGE, 3.75, title=title, caption="\n".join(range_texts(coherent)))
     left, right = (sheet.axes(x, 0.9, 2.62, 2.62) for x in (0.48, 3.88))
@@ -274,7 +288,10 @@ def drawn_end(coherent: CoherentRange, sign: float) -> float:
         rho = coherent.rho(x)
         return bool(((rho >= low) & (rho <= high)).all())
 
-    end = abs(coherent.high if sign > 0 else coherent.low) * INSIDE
+    end, other = (abs(own) * INSIDE for own in (coherent.high, coherent.low)[:: 1 if sign > 0 else -1])
+    if not _has_box(coherent.problem):
+        nearer = min(end, other)
+        end = min(end, OPEN * (nearer if 1.0 < nearer <= FARTHEST_END else 1.0))
     if end == 0.0 or not seen(0.0):
         return 0.0
     near = far = 0.0
@@ -294,8 +311,11 @@ def draw_family(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
     """Draw the family of curves up to both ends, what the tracked segments sweep, and the track."""
     from matplotlib.collections import PolyCollection
 
-    plane(axes, coherent.problem.box)
     low, high = ends
+    spots = np.array([coherent.rho(x) for x in (low, 0.0, high)])
+    extent = max(float(np.ptp(spots, axis=0).max()), LEAST_EXTENT / CURVES) * np.array([-0.5, 0.5])
+    seen = whole_box(coherent.problem, (spots.min(axis=0) + spots.max(axis=0))[:, None] / 2.0 + extent)
+    plane(axes, seen)
     track = np.unique(np.concatenate([np.linspace(low, 0.0, FINE + 1), np.linspace(0.0, high, FINE + 1)]))
     swept = [_own(coherent, x) for x in track]
     cells = [
@@ -310,7 +330,8 @@ def draw_family(axes: Any, coherent: CoherentRange, ends: list[float]) -> None:
             draw_at(axes, coherent, x, colour, 0.6, 0.45)
         if end:
             name = "low" if end < 0 else "high"
-            at = "end" if _is_end(coherent, end) else "leaves the box"
+            goes_on = "leaves the box" if _has_box(coherent.problem) else "goes on"
+            at = "end" if _is_end(coherent, end) else goes_on
             draw_at(axes, coherent, end, colour, DOUBLE, 1.0, f"x = {end:.4g} ({name}, {at})")
     draw_at(axes, coherent, 0.0, BLACK, 1.3, 1.0, "at rest")
     names = Names(axes, np.concatenate([pieces(coherent.curve(x)) for x in (low, 0.0, high)]))

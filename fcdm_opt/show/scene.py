@@ -26,7 +26,7 @@ from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PA
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.lettering import BADGE, Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
-from fcdm_opt.show.sections import INSET, Cut, Touching, draw_section, surface_of, touching
+from fcdm_opt.show.sections import INSET, Cut, Touching, change_at, draw_section, surface_of, touching
 from fcdm_opt.show.texts import shortened
 from fcdm_opt.tolerances import DEFAULT
 
@@ -82,6 +82,9 @@ KINDS = {"contact": "in contact", "overlap": OVERLAP, "gap": "where the gap is l
 FAR, MOST_TURN = 0.12, 0.5
 """A motion that is shorter on the page than this share of the scene is drawn so long, and radians a drawn turn has."""
 
+LEAST_TIMES, SEEN_TURN = 2.0, 0.1
+"""A motion that is drawn less than so many times as far off, or that turns by more radians, is drawn as it is."""
+
 TANGENT, SMOOTH = 0.93, 0.99
 """Cosine: faces that are turned less against one another are drawn as one curved surface, without an edge; the same
 where one is known to be round, and how it is turned there."""
@@ -111,7 +114,7 @@ def scene_figure(
     `contacts`, what touches, are magnified in insets. The old places of bodies that moved are drawn in dashes, as many
     times as far off as the legend says. The unit of lengths stands at the bar of known length.
     """
-    insets = _magnified(contacts)
+    insets = _magnified(contacts, shown)
     below, pitch = len(insets) > BELOW, INSET + 0.45
     column = INSET + 0.15 if insets and not below else 0.0
     lines = sum(1 + len(label) // LETTERS for *_, label in shown.solids)
@@ -171,16 +174,16 @@ def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit:
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
     inch, page, insets = _inches_a_length(axes), page_directions(*shown.view), list[Figure]()
     facing = np.cross(page[:, 0], page[:, 1])
-    for contact in reversed(_magnified(contacts)):
+    for contact in reversed(_magnified(contacts, shown)):
         part = Sheet.of(INSET + 0.1, INSET + 0.34)
         facing = draw_section(part, (0.05, 0.18), *shown.met(contact), page, inch, unit)
         insets.insert(0, part.figure)
     cut = Cut.through(contacts, [body for body, *_ in shown.solids], page)[0] if contacts else None
     facing = facing if cut is None else cut.facing
-    return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts), facing, shown.view)
+    return ScenePieces(sheet.figure, tuple(insets), _key(axes, contacts, shown), facing, shown.view)
 
 
-def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str], ...]:
+def _key(axes: Any, contacts: Sequence[Touching], shown: ShownBodies) -> tuple[tuple[str, str, str], ...]:
     """Return what a page says of what is drawn, see `ScenePieces.key`."""
     from matplotlib.colors import to_hex
     from matplotlib.lines import Line2D
@@ -192,21 +195,28 @@ def _key(axes: Any, contacts: Sequence[Touching]) -> tuple[tuple[str, str, str],
             found.append((look, to_hex(handle.get_color()), label))
         else:
             found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
-    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts))
+    numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts, shown))
     return *found, *((number, "", told) for number, _, told in numbered)
 
 
-def _magnified(contacts: Sequence[Touching]) -> list[Touching]:
-    """Return the contacts that get an inset, one of each number, in order: of many first those that look unlike.
+def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touching]:
+    """Return the contacts that get an inset, one of each number, in order: of many first those that the motion closed.
 
-    Of these the first of each two bodies.
+    Then those on which it slid; of these those that look unlike, and of these the first of each two bodies.
     """
     insets: list[Touching] = []
     for contact in contacts:
         if all(own.pair != contact.pair or contact.number not in (0, own.number) for own in insets):
             insets.append(contact)
+    changes = [change_at([body for body, _ in both], own, moved) for both, own, moved in map(shown.met, insets)]
     ranks = [
-        (any(_look_alike(own, other) for other in insets[:k]), sum(other.pair == own.pair for other in insets[:k]), k)
+        (
+            changes[k][1] == 0.0,
+            not changes[k][0].any(),
+            any(_look_alike(own, other) for other in insets[:k]),
+            sum(other.pair == own.pair for other in insets[:k]),
+            k,
+        )
         for k, own in enumerate(insets)
     ]
     return [insets[k] for k in sorted(k for *_, k in sorted(ranks)[:MOST_INSETS])]
@@ -328,16 +338,34 @@ class ShownBodies:
             return {}, 1.0
         turns = {k: Rotation.from_matrix(moved[k][1][:3, :3].T) for k in was}
         most = max(turn.magnitude() for turn in turns.values())
-        times = max(1.0, min(FAR * size / max(far.values()), MOST_TURN / max(most, 1e-300)))
-        if times < 1.5:
+        times = FAR * size / max(far.values())
+        times = max(times / 2.0, min(times, self._room(was)))
+        times = max(1.0, min(times, MOST_TURN / max(most, 1e-300)))
+        if times < LEAST_TIMES or most > SEEN_TURN:
             return was, 1.0
-        times = float(f"{times:.1g}") if times > 3.0 else float(f"{times:.2g}")
+        digit = 10.0 ** np.floor(np.log10(times))
+        times = float(digit * np.floor(times / digit)) if times > 3.0 else float(f"{times:.2g}")
         for k, turn in turns.items():
             middle, motion = moved[k][0].vertices.mean(axis=0), np.eye(4)
             motion[:3, :3] = Rotation.from_rotvec(times * turn.as_rotvec()).as_matrix()
             motion[:3, 3] = middle - motion[:3, :3] @ middle + times * (was[k].vertices.mean(axis=0) - middle)
             was[k] = moved[k][0].moved(motion)
         return was, times
+
+    def _room(self, was: Mapping[int, Body]) -> float:
+        """Return how many times as far off bodies that moved stay within the box of the others, where they stand in it.
+
+        Infinite along what they stand out of.
+        """
+        found = [np.inf]
+        for k, old in was.items():
+            others = np.vstack([body.vertices for j, (body, *_) in enumerate(self.solids) if j != k])
+            for sign in (1.0, -1.0):
+                points = self.solids[k][0].vertices, old.vertices, others
+                low, least, end = ((sign * own).min(axis=0) for own in points)
+                within = (low > end) & (least < low)
+                found += ((low - end)[within] / (low - least)[within]).tolist()
+        return min(found)
 
     @property
     def slenderness(self) -> float:
@@ -748,12 +776,12 @@ def contacts_of(
     return sorted(named, key=lambda one: one.number or len(found))
 
 
-def numbered_contacts(contacts: Sequence[Touching]) -> list[str]:
+def numbered_contacts(contacts: Sequence[Touching], shown: ShownBodies) -> list[str]:
     """Return what the numbers in a picture of contacts stand for: "1 left face of key, face 7 of slot".
 
     No line breaks after the number. Of one that is not cut open, with the number of one that is and looks as it does.
     """
-    insets, words = _magnified(contacts), dict[int, str]()
+    insets, words = _magnified(contacts, shown), dict[int, str]()
     for each in contacts:
         alike = next((f"as in cut {own.number}" for own in insets if _look_alike(own, each)), "in the scene alone")
         where = "" if any(own.number == each.number for own in insets) else f" ({alike})"

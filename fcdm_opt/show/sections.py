@@ -74,6 +74,11 @@ class Touching(NamedTuple):
         return np.asarray(middles[np.linalg.norm(middles - middles.mean(axis=0), axis=1).argmin()])
 
     @property
+    def long(self) -> float:
+        """How deep an overlap is, or how wide a gap, where `across` tells; 0 of a contact."""
+        return 0.0 if self.across is None else float(np.linalg.norm(self.across[1] - self.across[0]))
+
+    @property
     def colour(self) -> str:
         """What it is drawn in."""
         return {"contact": GREEN, "overlap": PURPLE, "gap": GREY}[self.kind]
@@ -243,11 +248,10 @@ def draw_section(
 
     (movable, blue), (static, _) = solids
     bodies, middle, back = (movable, static), contact.middle, np.linalg.inv(moved)
-    was, step = movable.moved(back), middle - (back @ [*middle, 1.0])[:3]
+    was, (step, closed) = movable.moved(back), change_at(bodies, contact, moved)
     size = min(float(np.ptp(body.vertices, axis=0).max()) for body in bodies)
-    long, closed = float(np.linalg.norm(step)), abs(float(step @ contact.normal))
-    deep = 0.0 if contact.across is None else float(np.linalg.norm(contact.across[1] - contact.across[0]))
-    wide = deep or (closed if closed > DEFAULT.touch * size else long)
+    long = float(np.linalg.norm(step))
+    wide = contact.long or closed or long
     half = min(STEPS * wide, LARGEST * size) if wide > 1e-9 * size else STILL * size
     facing, plane, cuts = _cut_through(bodies, contact, step, page, half)
     axes = sheet.axes(*corner, INSET, INSET)
@@ -288,6 +292,19 @@ def draw_section(
     for spine in axes.spines.values():
         spine.set(color=DARK, linewidth=0.6)
     return facing
+
+
+def change_at(bodies: Sequence[Body], contact: Touching, moved: Array) -> tuple[Array, float]:
+    """Return where to the first body slid at a contact, (3,), and how far it was open or overlapping there; else 0.
+
+    `moved`, (4, 4), is the motion that brought it here, as seen from the second. 0 is what the digits of files leave
+    open: of a plane that turns about a corner it stays on, too, along its old normal or its new one.
+    """
+    back, normal = np.linalg.inv(moved), contact.normal
+    step = contact.middle - (back @ [*contact.middle, 1.0])[:3]
+    closed = min(abs(float(step @ own)) for own in (normal, back[:3, :3] @ normal))
+    room = max(DEFAULT.touch * min(body.size for body in bodies), 2.0 * sum(body.rounding for body in bodies))
+    return (step if np.linalg.norm(step) > room else np.zeros(3)), closed if closed > room else 0.0
 
 
 def _cut_through(

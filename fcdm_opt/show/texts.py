@@ -30,13 +30,13 @@ NOT_MET = "clearance not met"  # of parts that fit without one
 NONE = "\u2013"  # an en dash, where a page has no value
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
-ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn
+ALMOST = 1e-4  # of the tolerances, with which parts are as good as drawn; of an amount, a bound that is told as it
 NOTHING = 1e-12  # of the amount, a parameter that adds less, or of the size, a gap: shown as 0
 UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in words 0, as these round the others by that
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
-MOST_SIZES = 4  # sizes by name that are told in a line
+MOST_SIZES = 4  # sizes by name, or limits, that are told in a line
 
 
 def number(value: float | None, digits: int = DIGITS, least: float = NOISE) -> str:
@@ -121,14 +121,33 @@ def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
     texts = [f"{size.name} {size.deviation_text(x, scene.unit)}" for size, x in made if x]
-    more = [counted(len(texts) - MOST_SIZES, "more size")] if len(texts) > MOST_SIZES + 1 else []
-    return ", ".join([*texts[:MOST_SIZES], *(more or texts[MOST_SIZES:])])
+    return ", ".join(_few(texts, "more size"))
+
+
+def _few(texts: list[str], more: str) -> list[str]:
+    """Return so many as are told in a line, and how many more there are."""
+    return texts if len(texts) <= MOST_SIZES + 1 else [*texts[:MOST_SIZES], counted(len(texts) - MOST_SIZES, more)]
 
 
 def made_text(assembly: Assembly, part: str) -> str:
     """Return how a part of an assembly is made: "scale 1.02", "height +0.05 mm", "as drawn"."""
     scale = assembly.scales[part]
     return ", ".join(filter(None, [f"scale {scale:g}" * (scale != 1.0), sizes_text(assembly, part)])) or "as drawn"
+
+
+def limits_texts(scene: Scene) -> list[str]:
+    """Return the limits of each parameter that has some: "TX from -0.05 to 0.05 mm"."""
+    return [
+        f"{own.name} from {' to '.join(number(in_unit(end, unit)) for end in own.limits)} {unit}"
+        for own, unit in zip(scene.coordinates, parameter_units(scene), strict=True)
+        if any(map(math.isfinite, own.limits))
+    ]
+
+
+def limits_text(scene: Scene) -> str:
+    """Return the same on one line, of many the first: "limits TX from -0.05 to 0.05 mm"; "" where there are none."""
+    texts = _few(limits_texts(scene), "more limit")
+    return f"limits {', '.join(texts)}" if texts else ""
 
 
 def tolerance_text(problem: Problem) -> str:
@@ -145,9 +164,9 @@ def units_text(unit: str) -> str:
     return f"lengths in {unit}, angles in degrees"
 
 
-def parameter_units(problem: Problem) -> list[str]:
+def parameter_units(scene: Scene) -> list[str]:
     """Return what each parameter is shown in: the unit of lengths, or degrees."""
-    return ["deg" if kind == "rotation" else problem.unit or "length" for _, kind in problem.motion.parameters]
+    return ["deg" if own.kind == "rotation" else scene.unit or "length" for own in scene.coordinates]
 
 
 def in_unit(value: float, unit: str) -> float:
@@ -222,7 +241,10 @@ def proved_least(solution: Bounded) -> bool:
 
 
 def bound_text(solution: Bounded) -> str:
-    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" of ones not to be used."""
+    """Return the lower bound, rounded down, and below it how near the amount it comes; "-" of ones not to be used.
+
+    Of one within `ALMOST` of the amount this.
+    """
     if solution.status in (Status.OUTSIDE_FIT, Status.NOT_VERIFIED):
         return "-"
     if not math.isfinite(solution.lower_bound):
@@ -235,6 +257,8 @@ def bound_text(solution: Bounded) -> str:
     mesh = "of the mesh" * bool(solution.left_by_mesh)
     if proved_least(solution):
         return f"{amount_text(solution.amount)}\n{mesh or 'exact'}"
+    if solution.gap <= ALMOST:  # how near it is differs with the time that a proof has
+        return f"{amount_text(solution.amount)}\nto {ALMOST:.0e}" + f", {mesh}" * bool(mesh)
     near = f"to {solution.gap:.0e}" if solution.gap < NEAR else f"{1.0 - solution.gap:.0%} of it"
     return f"{rounded}\n{near}" + f", {mesh}" * bool(mesh)
 

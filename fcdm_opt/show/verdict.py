@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 CONTACTS, NAME = 3, 72  # contacts that are told one by one where there are no more, and letters of a body's name
 NO_FIT = "does not fit: the only motion found"
+UNMOVED = "not moved"  # of parts in a picture
+MISSED = ("INFEASIBLE", "NOT_FOUND", "NOT_IN_STEPS", "OUTSIDE_FIT")  # of which a pose is known that comes near
 EXACT = 1e-3  # relative gap below which a bound is told as the amount: to the digits that are shown it is
 REFUSED = {
     "NOT_FOUND": "no motion found, and none proved impossible",
@@ -130,9 +132,13 @@ def answer_text(solution: Solution) -> str:
         row += f"pair made {solution.pair_state}; {texts.outcome_text(solution)}"
     else:
         row += f": {texts.outcome_text(solution)}"
+    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *straight_texts(solution)])
+
+
+def straight_texts(solution: Solution) -> list[str]:
+    """Return that the straight motion goes through another part, if it does."""
     through = texts.listed(gone_through(solution)) if solution.usable else ""
-    words = [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
-    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *words])
+    return [f"straight there it goes through {through}, and no other way is looked for"] * bool(through)
 
 
 def gone_through(solution: Solution) -> list[str]:
@@ -223,11 +229,34 @@ def motion_said(solution: Solution) -> str:
     return _in_order(steps, "")[1] if steps else ""
 
 
-def refusal_text(solution: Bounded) -> str:
-    """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one."""
+def refusal_text(solution: Bounded, where: str = UNMOVED) -> str:
+    """Return that there is no motion to use: "does not fit: parts as made, not moved"; "" where there is one.
+
+    `where`: the parts are shown, see `poses_shown`.
+    """
+    return "" if solution.usable else f"{barred_text(solution)}: parts as made, {where}"
+
+
+def poses_shown(solution: Bounded) -> tuple[Any, str]:
+    """Return which motion a picture shows, and where it leaves the parts: `UNMOVED`, at the pose that words tell of.
+
+    Without a motion to use that is where all but keep-outs and clearances is met, else the nearest pose of two parts.
+    A motion is (4, 4), of an assembly by its parts; None at rest.
+    """
+    from fcdm_opt.design.fixed_pose.nearest_miss import nearest_pose
+    from fcdm_opt.design.whatif.fitting import without_clearance
+
+    moved, scene = "transform" if hasattr(solution, "transform") else "transforms", solution.question
+    none: tuple[Any, list[str]] = (), []
     if solution.usable:
-        return ""
-    return f"{barred_text(solution)}: parts as made, not moved"
+        return getattr(solution, moved), ""
+    if not solution.stopped and solution.status.name in MISSED:
+        if (known := pacing.in_time(partial(without_clearance, keep_outs=True), scene, late=None)) is not None:
+            return getattr(known, moved), "moved to where all else is met"
+        q, lacking = pacing.in_time(nearest_pose, scene, late=none) if moved == "transform" else none
+        if lacking and any(q):
+            return scene.motion.transform(q, scene.movable.seed, scene.static.seed), "at the nearest pose found"
+    return (None if moved == "transform" else {}), UNMOVED
 
 
 def barred_text(solution: Bounded) -> str:

@@ -496,6 +496,16 @@ def test_the_picture_shows_the_family_and_the_events(tmp_path):
     assert len(axes.collections) == 1  # the swept area
 
 
+def test_the_picture_of_a_range_of_sizes_by_name_went_to_three_times_their_size():
+    """A block on its table, .02 higher: z lifts it as the sizes grow; drawn is to twice that, on no box of scales."""
+    block, table = fo.Box((10, 10, 10), centre=(0, 0, 5)), fo.Box((40, 40, 10), centre=(0, 0, -5))
+    height = fo.Size("height", "static", faces=["+z"], tolerance=0.05)
+    asked = fo.Problem(block, table, sizes=[height], made={"height": 0.02}, goal="seat", motion=fo.Translation("z"))
+    left, right = family_figure(fo.coherent_range(asked, {"TZ": 0.02})).axes
+    assert np.abs(right.lines[0].get_xdata()).max() == pytest.approx(2.0)
+    assert max(np.ptp(left.get_xlim()), np.ptp(left.get_ylim())) < 0.2
+
+
 def test_a_keep_out_was_clear_again_before_the_step_that_ended_at_its_clearance() -> None:
     """A pad 2 aside of a post is nearer than that until it is 2 beyond: from 0 to -(15 + 2 + 5 + 2)."""
     base, pad, post = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from fcdm_opt.geometry.primitives import Box
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
 from fcdm_opt.show.report.cases import size_rows
+from fcdm_opt.show.texts import bound_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -86,6 +88,11 @@ def test_a_grid_says_the_motion_for_both_sizes(tmp_path: Path) -> None:
     assert rows[11][0] == "2.02 mm"
     assert float(rows[11][4]) == pytest.approx(-0.006)
     assert "Measure the parts" in page.read_text(encoding="utf-8")
+    both = problem.changed(motion=problem.motion >> fo.Translation("y"))  # y does nothing for it
+    table, page = write_grids(fo.compensation_map(both), both, tmp_path / "both", title="a title")
+    assert page.read_text(encoding="utf-8").count("<table") == 1
+    assert "0 at all these sizes: TY." in page.read_text(encoding="utf-8")
+    assert "TY, mm" in table.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -164,6 +171,13 @@ def test_the_card_of_cases_tells_whole_motions_and_no_bound_above_its_amount() -
         assert f"move {name} 0.015 mm along {sign}x and 0.015 mm along {sign}y" in cells
     assert 0.02 * 1.5 / 2**0.5 > 0.02121
     assert cells.count("0.02121") == 4  # both amounts and both bounds
+
+
+def test_one_bound_was_two_numbers_by_the_time_that_its_proof_had() -> None:
+    """.02 proved to 6e-6 and to 3e-5: ".01999, to 3e-05" stood in the report, "0.02, exact" at the terminal."""
+    solution = fo.solve(peg())
+    within = [replace(solution, amount=0.02, lower_bound=0.02 * (1.0 - gap)) for gap in (6e-6, 3e-5, 2e-4)]
+    assert [bound_text(own) for own in within] == ["0.02\nto 1e-04", "0.02\nto 1e-04", "0.01999\nto 2e-04"]
 
 
 def test_a_motion_longer_than_a_cell_stands_whole_in_its_card() -> None:

@@ -23,7 +23,15 @@ from fcdm_opt.show import texts
 from fcdm_opt.show.printing import printed
 from fcdm_opt.show.remarks import left_out
 from fcdm_opt.show.report import gather as gathering
-from fcdm_opt.show.report.cases import ANSWERED, _sensitivities, answered, size_rows, stack_report, stack_reports
+from fcdm_opt.show.report.cases import (
+    ANSWERED,
+    _sensitivities,
+    answered,
+    case_report,
+    size_rows,
+    stack_report,
+    stack_reports,
+)
 from fcdm_opt.show.report.families import FACTORS, LEAST, SHARES, _family, frames_of
 from fcdm_opt.show.report.gather import gather, head
 from fcdm_opt.show.report.page import assembly_report
@@ -750,6 +758,7 @@ def test_the_gap_that_a_contact_keeps_was_called_apart_and_no_more():
     assert [row[3] for row in told["contacts"]] == ["touching", "apart 0.15 mm, at least 0.01 mm required"]
     (stack,) = told["stacks"]
     assert stack["of"] == "cover and slide"
+    assert stack["between"] == ""
     assert stack["yield"]["limits"] == "of at least 0.01 mm"
     assert stack["yield"]["what"] == "fit without a further motion"  # no share of scrap: motions close the others
     assert stack["yield"]["share"] == "100.0000%"  # of .05 to .15
@@ -785,6 +794,22 @@ def test_what_matters_most_was_told_beyond_where_its_rate_holds():
     assert (most["name"], most["unit"], most["value"]) == ("place of wall", "+0.12", pytest.approx(-0.03))
     assert not most["about"]
     assert _sensitivities(fo.solve(problem.changed(sizes=[])))["most"]["about"]
+
+
+def test_what_matters_most_was_told_where_nothing_fits():
+    """A key .18 in the left wall of a slot with .1 to either; .3 more is .28 too wide: no amount is 'about' right."""
+    slot = fo.cut(fo.Box((30, 30, 10), centre=(0, 0, 5)), fo.Box((10.2, 40, 10), centre=(0, 0, 10)), name="slot")
+    key = fo.Box((10, 8, 6), centre=(0, 0, 8.5), name="key")
+    size = fo.Size("width", "movable", faces=["-x"], tolerance=0.3)
+    limits = {"TX": (-0.3, 0.5)}
+    motion = fo.Translation("x")
+    problem = fo.Problem(
+        key, slot, sizes=[size], made={"width": 0.18}, goal="clear", motion=motion, limits=limits, unit="mm"
+    )
+    case = case_report(problem, solved_module.SolvedCase(fo.solve(problem)), name="c", frames=-1.0)
+    assert case["amount"] == pytest.approx(0.08)
+    assert (case["sensitivities"]["most"]["value"], case["sensitivities"]["most"]["outcome"]) == (None, "does not fit")
+    assert case["limits"] == "limits TX from -0.3 to 0.5 mm"
 
 
 def test_what_matters_most_is_a_size():
@@ -825,7 +850,8 @@ def test_the_report_left_out_what_stack_says_beside_its_numbers(tmp_path):
     kept = stack_report(asked.changed(keep_out=[post]))  # it had none: the gap of the two is what it is without
     assert kept == stack_report(asked) | {"notes": [told, kept["notes"][1]]}
     assert kept["worst"][0]["gap"] == pytest.approx(0.1 - 0.03, abs=1e-14)
-    assert kept["yield"]["what"] == "fit without a motion"
+    assert kept["yield"]["what"] == "clear without a motion"  # of goal "touch" no pair fits without one
+    assert kept["between"] == "right face of body, face 7 (facing -x) of body"
     assert "keep-outs (post) have no part in it" in kept["notes"][1]
     turned = fo.Size("shrinkage", "movable", scale=(1, 1, 0), tolerance=0.01)
     tilted = block.moved([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])

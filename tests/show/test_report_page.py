@@ -60,6 +60,7 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "asked": asked,
         "goal": "beyond",
         "wanted": "beyond",
+        "limits": "",
         "status": "PAIR_OVERLAPS",
         "outside": "",
         "extents": [[f"one {text}", "1 x 2 x 3", "1.02 x 2.04 x 3.06", "1.02"]],
@@ -132,7 +133,14 @@ def case(name: str, asked: str = "A (+,+)", text: str = "plain") -> dict:
         "evidence": {"bound": 0.2499, "text": f"evidence {text}", "checked": True, "covers": f"yes {text}"},
         "sensitivities": {
             "text": f"derivatives {text}",
-            "most": {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "about": True, "note": f"of {text}"},
+            "most": {
+                "name": f"size {text}",
+                "value": 0.5,
+                "unit": "+1 %",
+                "about": True,
+                "outcome": "",
+                "note": f"of {text}",
+            },
             "bars": [
                 {"name": f"size {text}", "value": 0.5, "unit": "+1 %", "note": f"of {text}"},
                 {"name": "other", "value": -0.25, "unit": "+1 %", "note": ""},

@@ -33,7 +33,7 @@ from fcdm_opt.geometry.primitives import Cylinder
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
-from fcdm_opt.show.album import solution_figure
+from fcdm_opt.show.album import drawn_scene, solution_figure
 from fcdm_opt.show.assemblies import assembly_figure, parts_of
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
@@ -54,7 +54,7 @@ from fcdm_opt.show.scene import (
     sharp_edges,
     view_of,
 )
-from fcdm_opt.show.sections import CORNER, Cut, Touching, draw_section, free_corner, section, section_plane
+from fcdm_opt.show.sections import CORNER, Cut, Touching, change_at, draw_section, free_corner, section, section_plane
 from fcdm_opt.show.stacks import faces_figure
 from fcdm_opt.show.tables import print_yield
 from fcdm_opt.show.texts import described
@@ -340,6 +340,14 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
     assert ShownBodies.of(one, two, transform=motion, view=(20.0, -70.0)).before[1] == 1.0
+    for degrees, drawn in ((16.5, 1.0), (2.0, 14.0)):  # what is seen is as it is: it was 1.7 times as far
+        assert ShownBodies.of(one, two, transform=turned(degrees), view=(20.0, -70.0)).before[1] <= drawn
+    slab, part = (
+        Body.convex(cuboid(*ends)) for ends in (((-1.2, -1.2, -0.25), (1.2, 1.2, 0.6)), ((-1, -1, 0), (1, 1, 1)))
+    )
+    rise = placed((0, 0, 0.001))
+    times = ShownBodies.of(part.moved(np.linalg.inv(rise)), slab, transform=rise).before[1]
+    assert 100.0 < times <= 250.0  # .25 above the bottom of what it stands in, from below which it seemed to come
 
 
 def test_a_section_is_what_a_plane_cuts_out() -> None:
@@ -587,11 +595,35 @@ def test_a_contact_of_a_vise_had_no_number_and_no_cut() -> None:
     solution = clamped(0.4, across=60.0)
     told = texts(assembly_figure(solution))
     assert [told.count(str(number)) for number in range(1, 7)] == [1, 1, 1, 1, 1, 0]
-    words = numbered_contacts(parts_of(solution)[1])
+    words = numbered_contacts(*reversed(parts_of(solution)))
     assert [own[0] for own in words] == ["1", "2", "3", "4", "5"]
     cuts = {text.split()[1].rstrip(",") for text in told if text.startswith("contact ")}
     assert len(cuts) == 4
     assert all((own[0] in cuts) != own.endswith(("as in cut 1)", "in the scene alone)")) for own in words)
+
+
+def test_contacts_that_nothing_changes_were_magnified_before_the_one_that_a_size_opens() -> None:
+    """Four posts on a base, a cap on each; the last post is .1 higher: of eight contacts the last alone was open."""
+    base = fo.Box((60, 20, 4), centre=(0, 0, -2), name="base")
+    places = dict(enumerate((-24, -8, 8, 24), 1))
+    posts = [fo.Box((4, 4, 10), centre=(x, 0, 5), name=f"post {k}") for k, x in places.items()]
+    caps = [fo.Box((6, 6, 2), centre=(x, 0, 11), name=f"cap {k}") for k, x in places.items()]
+    contacts = [*((post.name, "base") for post in posts), *((f"cap {k}", f"post {k}") for k in places)]
+    motions = {own.name: Translation("z") for own in (*posts, *caps)}
+    sizes = {"sizes": [fo.Size("height", "post 4", faces=["+z"], tolerance=0.2)], "made": {"height": 0.1}}
+    shown, met = parts_of(fo.solve(fo.Assembly([base, *posts, *caps], contacts, motions=motions, **sizes)))
+    told = " ".join(text for own in scene_pieces(shown, contacts=met).insets for text in texts(own))
+    assert re.findall(r"contact (\d)", told) == ["1", "2", "3", "8"]
+    (last,) = (own for own in met if own.number == 8)
+    assert change_at([body for body, _ in shown.met(last)[0]], *shown.met(last)[1:])[1] == pytest.approx(0.1)
+    pose, angle = np.eye(4), np.radians(0.1)  # a lid on a tip, which turns 2 above it and goes on touching
+    pose[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+    pose[:3, 3] = np.array([0, 0, 2]) - pose[:3, :3] @ (0, 0, 2)
+    normal = pose[:3, :3] @ (0, 0, 1)
+    pose[:3, 3] -= (pose[:3, 3] @ normal) * normal
+    step, closed = change_at([box((0, 0, 0), 9.0)] * 2, Touching((np.zeros((1, 3)),), normal), pose)
+    assert np.linalg.norm(step) == pytest.approx(2 * np.sin(angle), rel=1e-3)
+    assert closed == 0.0
 
 
 def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
@@ -611,6 +643,32 @@ def test_parts_that_do_not_fit_were_drawn_as_if_they_did() -> None:
     told = texts(solution_figure(refused))
     assert "not verified: parts as made, not moved" in told
     assert not [text for text in told if text.startswith("before")]
+
+
+def test_a_refused_case_magnified_what_its_motion_would_cure() -> None:
+    """A block .05 in its wall goes .05 aside, .01 into a clamp .04 away; one .4 higher is .1 below a camera, not .3."""
+    wall = fo.Box((4, 20, 10), centre=(-7, 0, 0), name="wall")
+    block = fo.Box((10, 10, 10), centre=(0, 0, 0), name="block")
+    clamp = fo.KeepOut(fo.Box((4, 4, 4), centre=(7.04, 0, 0), name="clamp"))
+    thick = [fo.Size("thick", "static", faces=["+x"], tolerance=0.1)]
+    asked: Any = {"goal": "at", "motion": Translation("x"), "made": {"thick": 0.05}, "unit": "mm"}
+    refused = fo.solve(fo.Problem(block, wall, sizes=thick, keep_out=[clamp], **asked))
+    shown, (found,) = (drawn_scene(refused)[0][key] for key in ("shown", "contacts"))
+    assert (shown.moves, found.kind, found.pair) == ((), "overlap", (0, 2))
+    assert found.long == pytest.approx(0.01, abs=1e-9)
+    assert shown.said.endswith(": parts as made, moved to where all else is met")
+    limited = fo.solve(fo.Problem(block, wall, sizes=thick, limits={"TX": (-0.02, 0.02)}, **asked))
+    shown, (found,) = (drawn_scene(limited)[0][key] for key in ("shown", "contacts"))
+    assert (found.kind, shown.said.rpartition(", ")[2]) == ("overlap", "at the nearest pose found")
+    assert found.long == pytest.approx(0.03, abs=1e-6)
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 10), 5), "camera": ((6, 6, 4), 12.5)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    taller = {"sizes": [fo.Size("height", "block", faces=["+z"], tolerance=0.5)], "made": {"height": 0.4}}
+    contacts = [("block", "base"), {"parts": ("block", "camera"), "goal": "clear", "clearance": 0.3}]
+    both = fo.solve(fo.Assembly(parts, contacts, motions={"block": Translation("z")}, unit="mm", **taller))
+    _, (found,) = parts_of(both)
+    assert (found.kind, found.pair) == ("gap", (1, 2))
+    assert found.long == pytest.approx(0.1, abs=1e-9)
 
 
 def test_overlaps_of_facets_were_drawn_of_round_parts_that_have_a_play() -> None:

@@ -34,26 +34,33 @@ NEAR = 1e-6  # of the size of the bodies: what a local search leaves
 
 
 @lru_cache(maxsize=16)
-def nearest_miss(problem: Problem) -> str:
-    """Return in words what still lacks at the best pose found, and between what; "" where that is not known.
+def nearest_pose(problem: Problem) -> tuple[Array, list[str]]:
+    """Return the best pose found, parameters of the motion, (k,), and in words what lacks there; [] if not known.
 
     Asked of what has no solution. The search is local: a pose at which less lacks is not excluded. Of goals "touch"
     and "clear" asked are the gap of the parts made and those of keep-outs, of others the contact as drawn.
     """
     if problem.partial or len(problem.movable.parts) * len(problem.static.parts) > MOST_PAIRS:
-        return ""
+        return np.zeros(len(problem.limits)), []
     missed = _untouched if problem.goal in ("touch", "clear") else _contact_missed
     q, lacking = (missed if touching_again(problem) is None else _unrestored)(problem)
-    told = list(dict.fromkeys(lacking))  # of several parts that one plane is on
-    if not told or any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
+    lacking = list(dict.fromkeys(lacking))  # of several parts that one plane is on
+    if any(goes_through(problem, tuple(q.tolist()), own) for own in (None, *problem.keep_out)):
+        lacking = []
+    return np.clip(np.where(np.abs(q) <= NEAR * problem.size / problem.weights, 0.0, q), *problem.limits.T), lacking
+
+
+def nearest_miss(problem: Problem) -> str:
+    """Return in words what still lacks at the best pose found, and between what; "" where that is not known."""
+    q, lacking = nearest_pose(problem)
+    if not lacking:
         return ""
     (low, high), near = problem.limits.T, NEAR * problem.size / problem.weights
-    q = np.clip(np.where(np.abs(q) <= near, 0.0, q), low, high)
     held = [name for name, end in zip(problem.motion.names, np.fmin(q - low, high - q) <= near, strict=True) if end]
     limit = f", {' and '.join(held)} at the limit" if held else ""
     where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
-    more = f"; {len(told) - TOLD} more" if len(told) > TOLD else ""
-    return f"at the nearest pose found ({where}{limit}) {'; '.join(told[:TOLD])}{more}"
+    more = f"; {len(lacking) - TOLD} more" if len(lacking) > TOLD else ""
+    return f"at the nearest pose found ({where}{limit}) {'; '.join(lacking[:TOLD])}{more}"
 
 
 def _untouched(problem: Problem) -> tuple[Array, list[str]]:

@@ -65,22 +65,28 @@ def largest_clearance(scene: Scene, name: str = "clearance") -> float:
     return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
 
 
+def quick_answer(scene: Scene, **changes: Any) -> Any:
+    """Return the answer to a question that is changed, None where the time does not last."""
+    with pacing.within(TOLD):
+        return pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+
+
 def usable_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where it cannot be used, or the time does not last."""
-    with pacing.within(TOLD):
-        found = pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
+    found = quick_answer(scene, **changes)
     return found if found is not None and found.usable else None
 
 
 @lru_cache(maxsize=16)
-def without_clearance(scene: Scene) -> Any:
-    """Return the answer to a question without its clearances, as `usable_answer`; None of one that has none."""
-    if isinstance(scene, Problem):
-        return usable_answer(scene, clearance=0.0) if scene.goal == "clear" and scene.clearance > 0.0 else None
-    contacts = scene.contacts
-    if not any(own.asked.get("clearance") for own in contacts):
-        return None
-    return usable_answer(scene, contacts=[{"parts": own[:2], **own.asked, "clearance": 0.0} for own in contacts])
+def without_clearance(scene: Scene, *, keep_outs: bool = False) -> Any:
+    """Return the answer to a question without clearances, as `usable_answer`; None of one that has none.
+
+    Of two parts where they are its goal; `keep_outs`: without these, too.
+    """
+    heads = "contact ", *(["clearance"] if getattr(scene, "goal", "") == "clear" else [])
+    known = [own.name for own in constraints(scene) if own.value > 0.0 and own.name.startswith(heads)]
+    known += [f"keep-out {own.name!r}" for own in scene.keep_out if keep_outs]
+    return usable_answer(without(scene, known)) if known else None
 
 
 @lru_cache(maxsize=16)

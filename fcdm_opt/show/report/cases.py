@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.design.whatif.fitting import usable_answer
+from fcdm_opt.design.whatif.fitting import quick_answer
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -142,6 +142,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
     return {
         "unit": scene.unit,
         "of": " and ".join(found.parts),
+        "between": "" if found.parts else found.deciding_contact,
         "is_closed": bool(found.standing) and gaps[0] > 0.0,  # at all sizes; all that they move stays apart
         "failed": f"NOT VERIFIED, do not use it: failed {failed}" * bool(failed),
         "worst": [
@@ -150,7 +151,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
         ],
         "spread": {"what": what, "ends": ends},
         "yield": {"what": "all but closed contacts" if found.is_outside_limits_when_closed
-                  else f"fit without a {'further ' * isinstance(scene, Assembly)}motion",
+                  else "fit without a further motion" if found.parts else "clear without a motion",
                   "limits": drawn.limits_text, "share": f"{drawn.share:.4%}", "of": f"of {drawn.count:,} pairs drawn"}
                  if np.isfinite(found.limits).any() else None,
         "chart": inline_svg(gap_figure(found, drawn), name),
@@ -226,6 +227,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": texts.asked_text(problem),
         "wanted": texts.goal_text(problem),
+        "limits": texts.limits_text(problem),
         "off_drawn": texts.sizes_text(problem),
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
@@ -321,16 +323,21 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
 def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
     """Return the bar of the size that changes the amount most, with what its step does where that can be solved.
 
-    Else to first order, "about", and no further than an amount of 0: another contact may take over before.
+    Where there is no motion to use then, how that ends. Else to first order, "about", and no further than an amount of
+    0: another contact may take over before.
     """
     if not sizes:
         return None
     most, problem = max(sizes, key=lambda bar: abs(bar.value)), solution.problem
     named = {f"{own.name} of {name_of(problem, own.body == 'static')}": own for own in problem.sizes}
-    size, made = named.get(most.name) if most.note == HALF else None, problem.made or {}
-    stepped = size and usable_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
-    value = stepped.amount - solution.amount if stepped else max(most.value, -solution.amount)
-    return {**finite(most._asdict()), "value": finite(value), "about": not stepped}
+    size, made, stepped = named.get(most.name) if most.note == HALF else None, problem.made or {}, None
+    if size is not None:
+        stepped = quick_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
+    if stepped and not (stepped.usable or stepped.stopped):
+        return {**finite(most._asdict()), "value": None, "about": False, "outcome": barred_text(stepped)}
+    known = bool(stepped and stepped.usable)
+    value = stepped.amount - solution.amount if stepped and known else max(most.value, -solution.amount)
+    return {**finite(most._asdict()), "value": finite(value), "about": not known, "outcome": ""}
 
 
 def _pictures(problem: Problem, solution: Solution, share: float, pieces: ScenePieces) -> dict[str, Any]:

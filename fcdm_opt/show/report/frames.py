@@ -31,6 +31,7 @@ from fcdm_opt.show.plots import reaching
 from fcdm_opt.show.scene import COLOURS, ScenePieces, face_polygons, own_polygons, sharp_edges
 from fcdm_opt.show.sections import Touching, touching
 from fcdm_opt.show.texts import NOTHING, motion_text, parameter_texts
+from fcdm_opt.show.verdict import poses_shown
 from fcdm_opt.tolerances import DEFAULT
 
 LATE = "what touches, and at which sizes, is left out for time"
@@ -227,14 +228,17 @@ def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pie
         {"name": name, "colour": COLOURS[k % len(COLOURS)], **_solid(k, role, own)}
         for k, (name, role, own) in enumerate(shown)
     ]
-    poses = [solution.transforms.get(part) if part in assembly.motions else None for part in assembly.parts]
+    moved = poses_shown(solution)[0]
+    poses = [moved.get(part) if part in assembly.motions else None for part in assembly.parts]
+    transforms = [None if pose is None else drawn(np.ravel(pose)) for pose in poses]
+    rest = [None] * len(poses) if solution.usable else transforms
     overlaps = [piece for each in contacts if each.is_overlap for piece in each.pieces]
     made = {
-        "sizes": [assembly.scales[part] for part in assembly.parts], "transforms": [None] * len(poses),
+        "sizes": [assembly.scales[part] for part in assembly.parts], "transforms": rest,
         "overlap": drawn(np.concatenate(overlaps)) if overlaps else [],
     }  # fmt: skip
-    moved = {
-        "transforms": [None if pose is None else drawn(np.ravel(pose)) for pose in poses],
+    after = {
+        "transforms": transforms,
         "contacts": [drawn(each.middle) for each in contacts],
         "shares": [list(map(drawn, each.pieces)) for each in contacts],
     }
@@ -242,7 +246,7 @@ def assembly_scene(solution: AssemblySolution, contacts: Sequence[Touching], pie
         "name": assembly.name,
         "scene": {"size": assembly.size, "objects": objects, **_seen(pieces)},
         "normal": drawn(contacts[0].normal if contacts else np.eye(3)[2]),
-        "poses": {"rescaled": made, "corrected": {**made, **moved} if solution.usable else None},
+        "poses": {"rescaled": made, "corrected": {**made, **after} if solution.usable else None},
         "feature_shapes": [],
     }
 

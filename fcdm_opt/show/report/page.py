@@ -171,6 +171,7 @@ def assembly_report(solution: AssemblySolution, name: str = "case-0") -> dict[st
         "told": lines,
         "asked": texts.asked_text(assembly),
         "wanted": "",
+        "limits": texts.limits_text(assembly),
         "sizes": size_rows(assembly),
         "motions": part_texts(solution),
         "contacts": [
