@@ -7,13 +7,14 @@ exact there, until they are not: the exchange method, as for motions (`fcdm_opt.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, distinct_rows
@@ -344,15 +345,18 @@ class TrueSizes:
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
-        for pair in found.permanent:
-            for row in range(len(pair.values)):
-                feature = found.feature(pair, row)
-                sides = zip(self.facets, (feature.one, feature.two), strict=True)
-                rows = [[body.face_rows[face] for face in body.faces_with(own.vertices)] for body, own in sides]
-                both = zip(map(true_faces, self.facets), rows, strict=True)
-                patches = [{faces.patch_of(row) for row in own} for faces, own in both]
-                self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
+        self.permanent |= self.faces_of(found.permanent_features)
         return replace(found, pairs=tuple(own for own in found.pairs if not self._within_round(own)) or found.pairs)
+
+    def faces_of(self, features: Iterable[Feature]) -> frozenset[tuple[int, int]]:
+        """Return the patches of both bodies, by number in `true_faces`, that meet where contacts are."""
+        found = set[tuple[int, int]]()
+        for feature in features:
+            sides = zip(self.facets, (feature.one, feature.two), strict=True)
+            rows = [[body.face_rows[face] for face in body.faces_with(own.vertices)] for body, own in sides]
+            both = zip(map(true_faces, self.facets), rows, strict=True)
+            found |= {*product(*({faces.patch_of(row) for row in own} for faces, own in both))}
+        return frozenset(found)
 
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
         """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.
