@@ -356,3 +356,30 @@ def test_the_end_face_of_a_disc_was_told_as_its_cylinder() -> None:
     stack = fo.stack_up(asked, of=("cover", "disc"))
     assert {row.told for row in stack.rows} == {"bottom face of cover, top face of disc"}
     assert stack.worst().least == pytest.approx(0.07, abs=1e-9)
+
+
+@pytest.mark.parametrize("movable", ["blade", "collet"])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_rows_of_an_edge_in_a_bore_were_exact_at_the_worst_cases_alone(movable: str, angle: float) -> None:
+    """R + b/2 - |((9.6 + w) / 2, (2 + t) / 2)|, whose normal turns with w and t: 4.6e-5 too much, "NOT VERIFIED"."""
+    blade = turned(fo.Box((9.6, 2, 30), name="blade").with_seed((0, 0, 0)), "z", angle)
+    collet = fo.cut(fo.Cylinder(9, 20, base=(0, 0, -10)), fo.Cylinder(5, 30, base=(0, 0, -15)), name="collet")
+    parts = sorted([blade, collet.with_seed((0, 0, 0))], key=lambda own: own.name != movable)
+    roles = dict(zip((own.name for own in parts), ("movable", "static"), strict=True))
+    across = {"w": (np.cos(angle), np.sin(angle), 0.0), "t": (-np.sin(angle), np.cos(angle), 0.0)}
+    half = {"w": 4.8, "t": 1.0}
+    sizes = [
+        fo.Size(name, roles["blade"], tolerance=0.1, each=0.5,
+                faces=[{"through": [*(side * half[name] * np.array(n))]} for side in (1, -1)])
+        for name, n in across.items()
+    ]  # fmt: skip
+    sizes.append(fo.Size("b", roles["collet"], faces=["bore radius 5"], each=-0.5, tolerance=0.04))
+    stack = fo.stack_up(fo.Problem(*parts, motion=fo.Translation("x"), goal="touch", sizes=sizes, made={}))
+    places = np.random.default_rng(2).uniform(-1.0, 1.0, (200, 3)) * (0.1, 0.1, 0.04)
+    w, t, b = places.T
+    truth = 5.0 + b / 2.0 - np.hypot(4.8 + w / 2.0, 1.0 + t / 2.0)
+    assert np.abs(stack.gap(places) - truth).max() <= stack.touching.between < 2e-6
+    ends = (5.0 - x - np.hypot(4.8 + y, 1.0 + y) for x, y in ((0.02, 0.05), (-0.02, -0.05)))
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([*ends], abs=1e-9)
+    if movable == "blade" and not angle:
+        assert fo.verify(stack).passed
