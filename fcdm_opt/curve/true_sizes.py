@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, product
+from itertools import chain, islice, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +41,7 @@ ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
 NARROW = 1e-4  # share of a length that a gap between two of these may be less by, where edges have them
+CORNERS = 64  # of the box of sizes at which pins next to each other have a row of their own
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points at the same sizes are one
@@ -364,7 +365,8 @@ class TrueSizes:
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
         """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.
 
-        And of a straight edge in a bore, as of a pin without a radius, where sizes turn the normal by little.
+        Where sizes turn the normal by little, of a straight edge too, as of a pin without a radius, and of pins next
+        to each other, whose gap is the largest over directions, and no longer the least of those at points.
 
         Of such that sizes, or shifts along directions (s, 3), move about in a plane or in space: their gap is the least
         over directions of rows, of which `AROUND` stand for all of a plane, to within 1 - cos(pi / AROUND) of how far
@@ -372,7 +374,8 @@ class TrueSizes:
         """
         firsts = [len(body.parts) - len(own) for body, own in zip(self.bodies, self._piece_points, strict=True)]
         meeting = list(zip(self._meeting_pieces(), zip(*self.points, strict=True), strict=True))
-        added, known = list[PairRows](), set[tuple[tuple[int, ...], ...]]()
+        added, known = list[PairRows](), dict[tuple[tuple[int, ...], ...], bool]()
+        replaced = set[tuple[int, int]]()
         for own in found.pairs if all(size.scale is None for size in self.sizes) else ():
             pieces = tuple(k if k >= first else None for k, first in zip(own.parts, firsts, strict=True))
             points = next((both for each, both in meeting if pieces in each), None)
@@ -381,13 +384,18 @@ class TrueSizes:
             feature = found.feature(own, 0)
             sides = zip((0, 1), points, pieces, (feature.one, feature.two), strict=True)
             for met in product(*(self._swept(*own) for own in sides)):
-                if (names := tuple(patches for patches, _ in met)) not in known:
-                    known.add(names)
-                    rows = self._around(met, points, pose, along)
-                    added += [PairRows((0, 0), values[None], n[None], [], [feature]) for values, n in rows]
+                names, both = zip(*met, strict=True)
+                if names not in known:
+                    rows, convex = self._around(met, points, pose, along), not any(own.concave for own in both)
+                    known[names] = convex and bool(rows)
+                    for few in [rows] if known[names] else [[own] for own in rows]:
+                        values, normals = map(np.array, zip(*few, strict=True))
+                        added.append(PairRows((0, 0), values, normals, [], [feature] * len(few)))
+                if known[names]:
+                    replaced.add(own.parts)
         last = [len(body.parts) for body in self.bodies]  # each by itself, as of pieces that are not made
         numbered = (own._replace(parts=(last[0] + k, last[1] + k)) for k, own in enumerate(added))
-        return replace(found, pairs=(*found.pairs, *numbered))
+        return replace(found, pairs=(*(own for own in found.pairs if own.parts not in replaced), *numbered))
 
     @property
     def _piece_points(self) -> list[list[Array]]:
@@ -417,12 +425,12 @@ class TrueSizes:
         names, (one, two) = zip(*met, strict=True)
         shape = one.surface.line, one.surface.ring
         turned = any(np.abs(each.moves.turns).max(initial=0.0) for each in self.faces)
-        if turned or one.concave == two.concave or (two.surface.line, two.surface.ring) != shape:
+        if turned or (one.concave and two.concave) or (two.surface.line, two.surface.ring) != shape:
             return []
         if shape not in (((1.0, 0.0), 0.0), (None, 0.0)):
             return []
         turns, near = (pose[:3, :3], np.eye(3)), DEFAULT.tie * self.size
-        frame, side = np.eye(3), 1.0 if two.concave else -1.0
+        frame, sides = np.eye(3), (-1.0 if one.concave else 1.0, 1.0 if two.concave else -1.0)
         if shape[0] is not None:
             frame = np.linalg.svd(two.surface.axis[None])[2][1:]
             if np.abs(frame @ turns[0] @ one.surface.axis).max() * self.size > near:
@@ -431,7 +439,7 @@ class TrueSizes:
         def feet(n: Array) -> list[Array]:
             """Return the point of each face, as drawn, that looks along a direction."""
             found = list[Array]()
-            for patch, x, turn in zip((one, two), points, turns, strict=True):
+            for patch, x, turn, side in zip((one, two), points, turns, sides, strict=True):
                 origin, axis = patch.surface.origin, patch.surface.axis
                 up = 0.0 if shape[0] is None else (x - origin) @ axis
                 found.append(origin + up * axis + side * patch.surface.radius * (n @ turn))
@@ -449,14 +457,21 @@ class TrueSizes:
         middle, odd = ends[0].mean(axis=0), (ends[:, 0] - ends[:, 1]) / 2.0
         widths = [max(map(abs, size.tolerance or (0.0, 0.0))) for size in self.sizes]
         moved = odd * np.concatenate([[1.0], widths, np.full(len(along), self.size)])
-        (directions, share), added = _directions(moved, near), list[tuple[Array, Array]]()
-        if 2 in map(len, names) and share > NARROW:  # of an edge, which is far off the axis
+        convex = not (one.concave or two.concave)
+        (directions, share), added = _directions(-moved if convex else moved, near), list[tuple[Array, Array]]()
+        if (convex or 2 in map(len, names)) and share > NARROW:  # far off the axis
             return []
+        if convex:  # exact where gaps are least and largest
+            sizes = zip(self.sizes, odd.T[1:], strict=False)
+            corners = product(*(own.tolerance or (0.0,) if rate.any() else (0.0,) for own, rate in sizes))
+            places = np.array([*islice(corners, CORNERS)])
+            centres = odd[:, 0] + places @ odd.T[1 : 1 + len(widths)]
+            directions = np.vstack([directions, centres / np.linalg.norm(centres, axis=1)[:, None]])
         self.between = max(self.between, share * float(np.linalg.norm(moved, axis=0).sum()))
         for shares in directions:
             n = shares @ frame
-            each = zip(self.faces, names, feet(n), strict=True)
-            if all(own.faces.has_points(k, x[None])[0] for own, patches, x in each for k in patches):
+            each = zip(self.faces, names, feet(n), (n @ turns[0], -n), strict=True)
+            if all(own.faces.look_along(patches, x, outward) for own, patches, x, outward in each):
                 added.append((middle + shares @ odd, n))
         return added
 

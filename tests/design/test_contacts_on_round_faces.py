@@ -383,3 +383,31 @@ def test_rows_of_an_edge_in_a_bore_were_exact_at_the_worst_cases_alone(movable: 
     assert [stack.worst().least, stack.worst().largest] == pytest.approx([*ends], abs=1e-9)
     if movable == "blade" and not angle:
         assert fo.verify(stack).passed
+
+
+@pytest.mark.parametrize("kind", ["edge", "peg"])
+def test_rows_beside_a_rod_were_the_least_of_those_along_slanted_edges(kind: str) -> None:
+    """|(3.8 + x, 3.5 + y)| less radii, x and y to .05: 8e-4 too little in the worst cases, "NOT VERIFIED"."""
+    rod = fo.Cylinder(4, 20, base=(0, 0, -10), name="rod").with_seed((0, 0, 0))
+    if kind == "edge":
+        other, radius = fo.Box((9.6, 8, 30), centre=(8.6, 7.5, 0), name="block"), 0.0
+        faces = {"x": ["+x", "-x"], "y": ["+y", "-y"]}
+        sizes = [fo.Size(own, "movable", faces=faces[own], each=-0.5, tolerance=0.1) for own in "xy"]
+        middle, half = (3.8, 3.5), 0.5
+    else:
+        middle, half, radius = (6.0, 5.6), 1.0, 3.0
+        peg = fo.Cylinder(radius, 20, base=(*middle, -10))
+        other = fo.joined(peg, fo.Box((30, 30, 4), centre=(10, 10, 14)), name="pegs")
+        sizes = [fo.Size(own, "movable", faces=["cylinder radius 3"], along=own, tolerance=0.05) for own in "xy"]
+    sizes.append(fo.Size("d", "static", faces=["cylinder radius 4"], each=0.5, tolerance=0.04))
+    stack = fo.stack_up(fo.Problem(other, rod, motion=fo.Translation("x"), goal="touch", sizes=sizes, made={}))
+    low, high = np.array([own.tolerance for own in sizes]).T
+    places = np.random.default_rng(4).uniform(low, high, (200, 3))
+
+    def truth(x: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
+        return np.hypot(middle[0] + half * x, middle[1] + half * y) - radius - 4.0 - d / 2.0
+
+    assert np.abs(stack.gap(places) - truth(*places.T)).max() <= stack.touching.between < 4e-6
+    ends = [truth(*low[:2], 0.04), truth(*high[:2], -0.04)]
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx(ends, abs=1e-9)
+    assert fo.verify(stack).passed
