@@ -96,6 +96,20 @@ class InputError(FcdmError, ValueError):
         return InputError(self.what, found=self.found, allowed=self.allowed, **place)
 
 
+def internal(reason: Exception) -> InputError:
+    """Return a defect of ours in one line, to be placed and said as bad input is, which is returned as it is.
+
+    Raises again what is neither: a file or a stream that cannot be written, or what ends a command.
+    """
+    if isinstance(reason, InputError):
+        return reason
+    if isinstance(reason, OSError) or hasattr(reason, "exit_code"):
+        raise reason
+    what = f"internal: {type(reason).__name__}: {' '.join(str(reason).split()) or 'no reason given'}"
+    found = InputError(f"{what[:200]}; please report it with what the command prints with --debug")
+    return found.with_traceback(reason.__traceback__)
+
+
 @contextmanager
 def placed(*, file: str | Path | None = None, key: str | None = None) -> Iterator[None]:
     """Place bad input that is refused meanwhile in a file or below a key, see `InputError.within`."""

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
 
-from fcdm_opt.errors import FcdmError, InputError
+from fcdm_opt.errors import FcdmError, InputError, internal
 
 _spared = [0.0]
 
@@ -40,6 +40,14 @@ class TimeOverError(FcdmError):
         self.limit, doing = _limit.get().seconds, _doing.get()
         self.why = f"the {'usual ' * _limit.get().usual}time limit of {self.limit:g} s was met"
         super().__init__(text or f"{self.why}{f' while {doing}' if doing else ''}")
+
+
+def failure(reason: Exception) -> tuple[str, InputError]:
+    """Return why a case has no answer, "late", "input" or "internal", and what is to be said of it."""
+    if isinstance(reason, TimeOverError):
+        return "late", InputError(f"left out: {reason}; allow more time").with_traceback(reason.__traceback__)
+    met = internal(reason)
+    return "input" if met is reason else "internal", met
 
 
 class _Given(NamedTuple):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from fcdm_opt import pacing
-from fcdm_opt.cli.guarding import BAD_INPUT, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
+from fcdm_opt.cli.guarding import BAD_INPUT, INTERNAL, NO_MOTION, NOT_VERIFIED, SOLVED, document, manner, refuse, say
 from fcdm_opt.cli.registry import ROWS
 from fcdm_opt.errors import InputError, known_word
 from fcdm_opt.problem import syntax
@@ -30,7 +30,8 @@ Named = Mapping[str, tuple[str, Sequence[str]]]  # option -> the kind of table w
 Check = Callable[[str, Any], Any]
 """Takes the name of an option and what was given; returns what the command gets, or refuses it."""
 
-SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT)
+SEVERITY = (SOLVED, NO_MOTION, NOT_VERIFIED, BAD_INPUT, INTERNAL)
+FAILURES = {"late": NO_MOTION, "input": BAD_INPUT, "internal": INTERNAL}  # see `pacing.failure`
 CHOICE, OUTPUT = "Which cases", "Output"  # headings of groups of options
 ENDINGS = {
     ".csv", ".glb", ".htm", ".html", ".jpeg", ".jpg", ".json", ".md", ".obj", ".off", ".parquet", ".pdf", ".ply",
@@ -333,7 +334,7 @@ class Inquiry:
         answered: Callable[[OpenedFile, Any, dict[str, Any]], Any],
         print_all: Callable[[Sequence[Any]], None] | None = None,
     ) -> None:
-        """Ask about every case of every file; bad input met meanwhile is said, and ends nothing else; then `finish`.
+        """Ask about every case of every file; why one has no answer is said, and ends no other; then `finish`.
 
         `answered` gets file, case and the case's entry in the document; what it returns is printed by `print_all`, a
         file at a time. Without it cases are printed as they are asked. Each gets an equal share of the time left.
@@ -341,22 +342,20 @@ class Inquiry:
         waiting = self.count
         for file in self:
             entries = self.say_of("cases", [{"name": name, "error": error} for name, error in file.refused])
-            rows, refused = [], dict[str, tuple[InputError, list[str]]]()
+            rows, failed = [], dict[str, tuple[InputError, list[str]]]()
             for problem in file.problems:
                 entry: dict[str, Any] = {"name": problem.name, **({"unit": problem.unit} if problem.unit else {})}
                 entries.append(entry)
                 try:
                     with pacing.working_on(f"case {problem.name}"), pacing.sharing(1.0 / waiting):
                         rows.append(answered(file, problem, entry))
-                except pacing.TimeOverError as reason:
-                    entry["error"] = refuse(reason, f"{file.path}: case {problem.name!r}: {reason}")
-                    self.codes.append(NO_MOTION)
-                except InputError as reason:
-                    entry["error"] = str(reason.within(file=file.path, key=f"case {problem.name!r}"))
-                    refused.setdefault(str(reason), (reason, []))[1].append(problem.name)
-                    self.codes.append(BAD_INPUT)
+                except Exception as reason:
+                    kind, met = pacing.failure(reason)
+                    self.codes.append(FAILURES[kind])
+                    entry["error"] = str(met.within(file=file.path, key=f"case {problem.name!r}"))
+                    failed.setdefault(str(met), (met, []))[1].append(problem.name)
                 waiting -= 1
-            for met, names in refused.values():  # what is wrong with several cases is said once
+            for met, names in failed.values():  # what is wrong with several cases is said once
                 _refused(met, file=file.path, key=f"case{'s' * (len(names) > 1)} {', '.join(map(repr, names))}")
             if rows and print_all is not None and not self.as_json:
                 with pacing.telling():

@@ -22,7 +22,7 @@ from typing import Any
 import typer
 
 from fcdm_opt import pacing
-from fcdm_opt.errors import InputError
+from fcdm_opt.errors import InputError, internal
 
 SOLVED, NO_MOTION, BAD_INPUT, NOT_VERIFIED, INTERNAL = 0, 1, 2, 3, 4
 INTERRUPTED, BROKEN_PIPE = 130, 141  # as a shell reports a program that a signal ended
@@ -138,11 +138,9 @@ def guarded() -> Iterator[None]:
         place = f"{reason.filename}: " if reason.filename else ""
         raise stopped(reason, f"{place}{reason.strerror or reason}") from reason
     except Exception as reason:
-        if hasattr(reason, "exit_code") or isinstance(reason, typer.Abort):  # the command line's own
+        if isinstance(reason, typer.Abort):  # the command line's own
             raise
-        what = f"internal: {type(reason).__name__}: {str(reason)[:200] or 'no reason given'}"
-        hint = "" if manner.get().debug else "; please report it with what the command prints with --debug"
-        raise stopped(reason, what + hint, code=INTERNAL) from reason
+        raise stopped(internal(reason), code=INTERNAL) from reason
 
 
 @contextmanager

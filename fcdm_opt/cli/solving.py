@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from fcdm_opt import pacing
 from fcdm_opt.cli import common
-from fcdm_opt.cli.common import Inquiry, OpenedFile, argument, code_of, option
-from fcdm_opt.cli.guarding import BAD_INPUT, INTERRUPTED, NO_MOTION, ending, say
+from fcdm_opt.cli.common import FAILURES, Inquiry, OpenedFile, argument, code_of, option
+from fcdm_opt.cli.guarding import BAD_INPUT, INTERRUPTED, ending, refuse, say
 from fcdm_opt.errors import InputError, name_list
 from fcdm_opt.problem import syntax
 
@@ -259,7 +259,7 @@ def _problems(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tup
     if not any(file.problems for file in opened):
         return "", [BAD_INPUT]
     with pacing.sharing(GATHERED):
-        payload = gather(opened, certify=certify, say=say)
+        payload = gather(opened, certify=certify, say=say, refuse=refuse)
     codes = _codes(payload["files"], interrupted=payload["interrupted"])
     return page(payload), codes + [code_of(case["usable"], case["status"]) for case in payload["cases"]]
 
@@ -268,8 +268,8 @@ def _codes(files: Sequence[Mapping[str, Any]], *, interrupted: bool) -> list[int
     """Return the exit codes of what is missing; after an interrupt there is time for the page."""
     if interrupted:
         ending.set()
-    late = [NO_MOTION if file.get("late") else BAD_INPUT for file in files if file.get("error")]
-    return [*late, *[INTERRUPTED] * interrupted]
+    failures = [FAILURES[kind] for file in files for kind in file.get("failures", ())]
+    return [*failures, *[INTERRUPTED] * interrupted]
 
 
 def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> tuple[str, list[int]]:
@@ -284,7 +284,7 @@ def _assemblies(paths: Sequence[Path], certify: bool, cases: Sequence[str]) -> t
     def answer(number: int) -> dict[str, Any]:
         return assembly_report(solved_case(asked[number], certify=certify).solution, f"case-{number}")
 
-    heads, _, found, interrupted = answered_in_turn(opened, answer, say)
+    heads, _, found, interrupted = answered_in_turn(opened, answer, say, refuse)
     codes = _codes(heads, interrupted=interrupted) + [code_of(case["usable"], case["status"]) for case in found]
     return assembly_page(heads, found) if found else "", codes
 

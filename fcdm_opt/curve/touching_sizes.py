@@ -334,11 +334,15 @@ class TouchingSizes:
                 best, where = gap, other
         return best, self._plainest(where)
 
+    @property
+    def permanent_features(self) -> list[Feature]:
+        """What meets where contacts are closed at all sizes."""
+        return [self.feature(pair, k) for pair in self.permanent for k in range(len(pair.values))]
+
     @cached_property
     def permanent_in_words(self) -> tuple[str, ...]:
-        """The contacts that are closed at all sizes."""
-        found = (self.feature(pair, k) for pair in self.permanent for k in range(len(pair.values)))
-        return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in found))
+        """The same in words."""
+        return tuple(dict.fromkeys(feature.in_words(*self.bodies) for feature in self.permanent_features))
 
     def _plainest(self, place: Array) -> Array:
         """Return sizes with the same gap, as drawn or near to it where they do not matter, else at an end if may be."""

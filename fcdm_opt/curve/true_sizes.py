@@ -7,17 +7,19 @@ exact there, until they are not: the exchange method, as for motions (`fcdm_opt.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, product
+from itertools import chain, islice, product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, distinct_rows
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import bounding_bodies, deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import norms
@@ -32,12 +34,14 @@ from fcdm_opt.geometry.patches import (
     true_faces,
 )
 from fcdm_opt.geometry.size import Size
-from fcdm_opt.geometry.tessellation import onto, onto_crossings
+from fcdm_opt.geometry.tessellation import Swept, onto, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
 
 ROUNDS = 12  # of making bodies exact where they are nearer than the rows say
 SEVERAL = 8  # points at a time, and one of each two faces
 AROUND = 128  # directions in a plane for which a pin in its bore has rows: to 3e-4 of how far they are apart
+NARROW = 1e-4  # share of a length that a gap between two of these may be less by, where edges have them
+CORNERS = 64  # of the box of sizes at which pins next to each other have a row of their own
 ALL_AROUND, BETWEEN = 1024, 5e-3  # the same in space: they are less than .1 apart
 KEPT = 64  # sizes whose faces are kept
 APART = 0.05  # of the size: nearer points at the same sizes are one
@@ -344,39 +348,54 @@ class TrueSizes:
 
     def counted(self, found: TouchingSizes) -> TouchingSizes:
         """Return rows without those of facets that are within round faces, if there are others."""
-        for pair in found.permanent:
-            for row in range(len(pair.values)):
-                feature = found.feature(pair, row)
-                sides = zip(self.facets, (feature.one, feature.two), strict=True)
-                rows = [[body.face_rows[face] for face in body.faces_with(own.vertices)] for body, own in sides]
-                both = zip(map(true_faces, self.facets), rows, strict=True)
-                patches = [{faces.patch_of(row) for row in own} for faces, own in both]
-                self.permanent |= {(i, j) for i in patches[0] for j in patches[1]}
+        self.permanent |= self.faces_of(found.permanent_features)
         return replace(found, pairs=tuple(own for own in found.pairs if not self._within_round(own)) or found.pairs)
+
+    def faces_of(self, features: Iterable[Feature]) -> frozenset[tuple[int, int]]:
+        """Return the patches of both bodies, by number in `true_faces`, that meet where contacts are."""
+        found = set[tuple[int, int]]()
+        for own in features:
+            found |= {*product(self._patches(0, own.one), self._patches(1, own.two))}
+        return frozenset(found)
+
+    def _patches(self, role: int, element: Element) -> set[int]:
+        body = self.facets[role]
+        return {true_faces(body).patch_of(body.face_rows[face]) for face in body.faces_with(element.vertices)}
 
     def all_around(self, found: TouchingSizes, pose: Array, along: Array) -> TouchingSizes:
         """Return rows with those of all directions in which a pin may be nearest to its bore, or a ball to its socket.
+
+        Where sizes turn the normal by little, of a straight edge too, as of a pin without a radius, and of pins next
+        to each other, whose gap is the largest over directions, and no longer the least of those at points.
 
         Of such that sizes, or shifts along directions (s, 3), move about in a plane or in space: their gap is the least
         over directions of rows, of which `AROUND` stand for all of a plane, to within 1 - cos(pi / AROUND) of how far
         centres are apart. Where they move along a line there is nothing to add.
         """
-        counts = [len(body.parts) - len(body.exact.pieces) for body in self.bodies if body.exact is not None]
-        added, known = list[PairRows](), set[tuple[int, int]]()
-        for own in found.pairs if len(counts) == 2 and all(size.scale is None for size in self.sizes) else ():
-            numbers = [place - count for place, count in zip(own.parts, counts, strict=True)]
-            if min(numbers) < 0:
+        firsts = [len(body.parts) - len(own) for body, own in zip(self.bodies, self._piece_points, strict=True)]
+        meeting = list(zip(self._meeting_pieces(), zip(*self.points, strict=True), strict=True))
+        added, known = list[PairRows](), dict[tuple[tuple[int, ...], ...], bool]()
+        replaced = set[tuple[int, int]]()
+        for own in found.pairs if all(size.scale is None for size in self.sizes) else ():
+            pieces = tuple(k if k >= first else None for k, first in zip(own.parts, firsts, strict=True))
+            points = next((both for each, both in meeting if pieces in each), None)
+            if points is None or pieces == (None, None):
                 continue
-            points = [x[k] for x, k in zip(self._piece_points, numbers, strict=True)]
-            first, second = (each.faces.at(x) for each, x in zip(self.faces, points, strict=True))
-            for met in product(first, second):
-                if met not in known:
-                    known.add(met)
-                    feature, rows = found.feature(own, 0), self._around(met, points, pose, along)
-                    added += [PairRows((0, 0), values[None], n[None], [], [feature]) for values, n in rows]
+            feature = found.feature(own, 0)
+            sides = zip((0, 1), points, pieces, (feature.one, feature.two), strict=True)
+            for met in product(*(self._swept(*own) for own in sides)):
+                names, both = zip(*met, strict=True)
+                if names not in known:
+                    rows, convex = self._around(met, points, pose, along), not any(own.concave for own in both)
+                    known[names] = convex and bool(rows)
+                    for few in [rows] if known[names] else [[own] for own in rows]:
+                        values, normals = map(np.array, zip(*few, strict=True))
+                        added.append(PairRows((0, 0), values, normals, [], [feature] * len(few)))
+                if known[names]:
+                    replaced.add(own.parts)
         last = [len(body.parts) for body in self.bodies]  # each by itself, as of pieces that are not made
         numbered = (own._replace(parts=(last[0] + k, last[1] + k)) for k, own in enumerate(added))
-        return replace(found, pairs=(*found.pairs, *numbered))
+        return replace(found, pairs=(*(own for own in found.pairs if own.parts not in replaced), *numbered))
 
     @property
     def _piece_points(self) -> list[list[Array]]:
@@ -386,19 +405,32 @@ class TrueSizes:
             for body in self.bodies
         ]
 
+    def _swept(
+        self, role: int, point: Array, piece: int | None, element: Element
+    ) -> list[tuple[tuple[int, ...], Patch]]:
+        """Return round faces at a point; of two plane ones their edge as one without a radius. By their patches."""
+        faces = self.faces[role].faces
+        met = faces.at(point)
+        if piece is not None:
+            return [((k,), faces.patches[k]) for k in met if faces.is_round[k]]
+        if len(met) != 2 or faces.is_round[met].any() or not {*met} <= self._patches(role, element):
+            return []
+        axis = np.cross(faces.patches[met[0]].surface.axis, faces.patches[met[1]].surface.axis)
+        return [((*met,), Patch(Swept(point, axis / norms(axis), (1.0, 0.0), 0.0, 0.0), 1.0))]
+
     def _around(
-        self, met: tuple[int, int], points: Sequence[Array], pose: Array, along: Array
+        self, met: Sequence[tuple[tuple[int, ...], Patch]], points: Sequence[Array], pose: Array, along: Array
     ) -> list[tuple[Array, Array]]:
         """Return rows of a pin in its bore, or a ball in its socket, and all directions in which sizes move them."""
-        one, two = (each.faces.patches[k] for each, k in zip(self.faces, met, strict=True))
+        names, (one, two) = zip(*met, strict=True)
         shape = one.surface.line, one.surface.ring
         turned = any(np.abs(each.moves.turns).max(initial=0.0) for each in self.faces)
-        if turned or one.concave == two.concave or (two.surface.line, two.surface.ring) != shape:
+        if turned or (one.concave and two.concave) or (two.surface.line, two.surface.ring) != shape:
             return []
         if shape not in (((1.0, 0.0), 0.0), (None, 0.0)):
             return []
         turns, near = (pose[:3, :3], np.eye(3)), DEFAULT.tie * self.size
-        frame, side = np.eye(3), 1.0 if two.concave else -1.0
+        frame, sides = np.eye(3), (-1.0 if one.concave else 1.0, 1.0 if two.concave else -1.0)
         if shape[0] is not None:
             frame = np.linalg.svd(two.surface.axis[None])[2][1:]
             if np.abs(frame @ turns[0] @ one.surface.axis).max() * self.size > near:
@@ -407,7 +439,7 @@ class TrueSizes:
         def feet(n: Array) -> list[Array]:
             """Return the point of each face, as drawn, that looks along a direction."""
             found = list[Array]()
-            for patch, x, turn in zip((one, two), points, turns, strict=True):
+            for patch, x, turn, side in zip((one, two), points, turns, sides, strict=True):
                 origin, axis = patch.surface.origin, patch.surface.axis
                 up = 0.0 if shape[0] is None else (x - origin) @ axis
                 found.append(origin + up * axis + side * patch.surface.radius * (n @ turn))
@@ -416,8 +448,8 @@ class TrueSizes:
         def row(n: Array) -> Array:
             """Return the gap in a direction from body 1 to body 2, and how it changes with each size and way."""
             rates, places = -self.carried @ n, feet(n)
-            for own, k, x, turn, sign in zip(self.faces, met, places, turns, (-1.0, 1.0), strict=True):
-                rates[own.columns] += sign * (n @ turn) @ own.moves.at(x, *_meeting(own.faces, [k], x))
+            for own, patches, x, turn, sign in zip(self.faces, names, places, turns, (-1.0, 1.0), strict=True):
+                rates[own.columns] += sign * (n @ turn) @ own.move_at(x, patches)
             gap = n @ (places[1] - (turns[0] @ places[0] + pose[:3, 3]))
             return np.concatenate([[gap], rates, -along @ n])
 
@@ -425,11 +457,21 @@ class TrueSizes:
         middle, odd = ends[0].mean(axis=0), (ends[:, 0] - ends[:, 1]) / 2.0
         widths = [max(map(abs, size.tolerance or (0.0, 0.0))) for size in self.sizes]
         moved = odd * np.concatenate([[1.0], widths, np.full(len(along), self.size)])
-        (directions, share), added = _directions(moved, near), list[tuple[Array, Array]]()
+        convex = not (one.concave or two.concave)
+        (directions, share), added = _directions(-moved if convex else moved, near), list[tuple[Array, Array]]()
+        if (convex or 2 in map(len, names)) and share > NARROW:  # far off the axis
+            return []
+        if convex:  # exact where gaps are least and largest
+            sizes = zip(self.sizes, odd.T[1:], strict=False)
+            corners = product(*(own.tolerance or (0.0,) if rate.any() else (0.0,) for own, rate in sizes))
+            places = np.array([*islice(corners, CORNERS)])
+            centres = odd[:, 0] + places @ odd.T[1 : 1 + len(widths)]
+            directions = np.vstack([directions, centres / np.linalg.norm(centres, axis=1)[:, None]])
         self.between = max(self.between, share * float(np.linalg.norm(moved, axis=0).sum()))
         for shares in directions:
             n = shares @ frame
-            if all(own.faces.has_points(k, x[None])[0] for own, k, x in zip(self.faces, met, feet(n), strict=True)):
+            each = zip(self.faces, names, feet(n), (n @ turns[0], -n), strict=True)
+            if all(own.faces.look_along(patches, x, outward) for own, patches, x, outward in each):
                 added.append((middle + shares @ odd, n))
         return added
 
@@ -540,8 +582,13 @@ def _directions(moved: Array, near: float) -> tuple[Array, float]:
     if len(plane) < 2:
         return np.empty((0, len(moved))), 0.0
     if len(plane) == 2:
-        angles = 2.0 * np.pi * np.arange(AROUND) / AROUND
-        return np.column_stack([np.cos(angles), np.sin(angles)]) @ plane, 1.0 - float(np.cos(np.pi / AROUND))
+        (x, y), off = plane @ moved[:, 0], float(np.linalg.norm(moved[:, 1:], axis=0).sum())
+        half, step = np.arcsin(min(off / max(np.hypot(x, y), near), 1.0)), np.pi / AROUND
+        angles = 2.0 * step * np.arange(AROUND)
+        if half < np.pi / 4.0:  # nowhere else does it come nearest
+            step = half / (AROUND // 4)
+            angles = np.arctan2(-y, -x) + step * np.arange(-AROUND // 4, AROUND // 4 + 1, 2)
+        return np.column_stack([np.cos(angles), np.sin(angles)]) @ plane, 1.0 - float(np.cos(step))
     heights = (np.arange(ALL_AROUND) + 0.5) / (0.5 * ALL_AROUND) - 1.0  # a spiral with turns of the golden angle
     angles, radii = np.pi * (3.0 - 5.0**0.5) * np.arange(ALL_AROUND), np.sqrt(1.0 - heights**2)
     return np.column_stack([radii * np.cos(angles), radii * np.sin(angles), heights]), BETWEEN

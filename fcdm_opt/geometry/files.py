@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -38,6 +39,12 @@ STEP = (".step", ".stp")
 WRITTEN = (".stl", ".obj", ".off")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
+_METRES = np.array(list(NANOMETRES.values())) / NANOMETRES["m"]
+# of a STEP file: the lists of control points of a spline surface, and a point
+_NET = re.compile(
+    rb"(?:B_SPLINE|BEZIER)_SURFACE(?:_WITH_KNOTS)?\s*\((?:\s*'[^']*'\s*,)?\s*\d+\s*,\s*\d+\s*,\s*\(((?:\s*\([#\d,\s]*\)\s*,?)+)"
+)
+_POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([-+.\d\sEe,]+)\)")
 SINGLE_DIGITS = 9  # digits that tell all numbers of single precision apart
 DECIMALS = 15  # most that are looked at: more than double precision has of a length above 1
 CHANCE = 1e-4  # that the decimals of a file are those of single precision though they were not rounded to it
@@ -118,10 +125,11 @@ def drawn_mesh(
 
     Raises `InputError`, which names the file and what is wrong with it, or what to install (STEP).
 
-    Plane faces of a STEP file are exact to double precision; curved ones are approximated by triangles with corners on
-    the surface that turn by at most `Tolerances.tessellation_turn`; how far they leave it is measured, see
-    `tessellation`. Vertices in single precision (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a
-    plane are made plane to double precision, see `flattening`.
+    Plane faces of a STEP file, splines of coplanar control points among them, are exact to double precision; curved
+    ones are approximated by triangles with corners on the surface that turn by at most
+    `Tolerances.tessellation_turn`; how far they leave it is measured, see `tessellation`. Vertices in single precision
+    (binary STL and PLY, GLB) and polygons within `Tolerances.drawn` of a plane are made plane to double precision, see
+    `flattening`.
     """
     path, solid = chosen_solid(path)
     for key, value in (("unit", unit), ("file_unit", file_unit)):
@@ -367,7 +375,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         raise ValueError("it does not begin with 'ISO-10303-21'")
     if b"END-ISO-10303-21" not in data:
         raise ValueError("it ends without 'END-ISO-10303-21'")
-    tolerance = deviation
+    tolerance, planes = deviation, _plane_splines(data)
     for _ in range(TRIES):
         with _unheard():
             glb = cascadio.load(
@@ -382,7 +390,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         if not glb:
             raise ValueError("no shape can be made of it")
         scene = _scene(glb)
-        sharp = [_sharpened(mesh, deviation) for mesh, *_ in scene]
+        sharp = [_sharpened(mesh, deviation, planes) for mesh, *_ in scene]
         off = np.max([own for _, own, *_ in sharp], axis=0, initial=0.0) if sharp else np.zeros(2)
         if deviation is None or tolerance is None or off.max() <= deviation:
             break
@@ -397,7 +405,28 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     return drawn._replace(off=(out, short), surfaces=Surfaces(known, other, SINGLE * largest))
 
 
-def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, float], list[Swept], float]:
+def _plane_splines(data: bytes) -> tuple[Array, Array]:
+    """Return normals (p, 3) and distances from the origin (p,) of the planes of splines with coplanar control points.
+
+    In metres, as if the numbers of the STEP file were in each of the known units.
+    """
+    nets = [re.findall(rb"#(\d+)", own) for own in _NET.findall(data)]
+    points = {name: [*map(float, own.split(b","))] for name, own in _POINT.findall(data)} if nets else {}
+    normals, heights = list[Array](), list[Array]()
+    for net in nets:
+        corners = np.array([points[name] for name in net if name in points])
+        if len(corners) == len(net) > 3:  # a spline is within the hull of these
+            middle = corners.mean(axis=0)
+            normal = np.linalg.svd(corners - middle, full_matrices=False)[2][2]
+            if np.abs((corners - middle) @ normal).max() <= DEFAULT.weld * np.ptp(corners, axis=0).max():
+                normals += [normal] * len(_METRES)
+                heights.append(_METRES * float(middle @ normal))
+    return np.reshape(normals, (-1, 3)), np.concatenate([[], *heights])
+
+
+def _sharpened(
+    mesh: Any, deviation: float | None, planes: tuple[Array, Array]
+) -> tuple[Array, tuple[float, float], list[Swept], float]:
     """Return vertices of a mesh moved, within single precision, onto surfaces around them; how far triangles leave."""
     # that is measured at curved surfaces that are known, and the bound asked for at others; both come with it
     vertices = np.array(mesh.vertices)
@@ -408,10 +437,15 @@ def _sharpened(mesh: Any, deviation: float | None) -> tuple[Array, tuple[float, 
     faces = [triangles[own] for own in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)]
     primitives = dict(enumerate(mesh.metadata.get("cascadio", {}).get("brep_primitives", [])))
     found = [primitives.get(k) for k in np.unique(owner).tolist()]
-    known = [(Swept.of(primitive), own) for primitive, own in zip(found, faces, strict=True) if primitive is not None]
+    known, slack = list[tuple[Swept, Ints]](), SINGLE * np.abs(vertices).max(initial=0.0)
+    for primitive, own in zip(found, faces, strict=True):
+        if primitive is not None:
+            known.append((Swept.of(primitive), own))
+            continue
+        (on,) = np.nonzero(np.abs(distinct[np.unique(own)] @ planes[0].T - planes[1]).max(axis=0) <= slack)
+        known += [(Swept.plane(planes[1][k] * planes[0][k], planes[0][k]), own) for k in on[:1].tolist()]
     moved = distinct.copy()
     if known:
-        slack = SINGLE * np.abs(vertices).max(initial=0.0)
         corners = [np.unique(own) for _, own in known]
         moved = on_rings(distinct, [(surface, own) for (surface, _), own in zip(known, corners, strict=True)], slack)
         missed = [surface.misses(moved[own]) for (surface, _), own in zip(known, corners, strict=True)]

@@ -184,6 +184,12 @@ class TrueFaces:
         near = DEFAULT.nominal * self.body.size + self.off_triangles
         return np.asarray(self._distances(k, points).min(axis=0) <= near)
 
+    def look_along(self, patches: Sequence[int], point: Array, n: Array) -> bool:
+        """Tell whether a point, (3,), is on all patches, and a direction between their normals there."""
+        normals = np.array([self.patches[k].gaps(point[None])[1][0] for k in patches])
+        between = np.linalg.lstsq(normals.T, n)[0].min() >= -DEFAULT.tie
+        return bool(between) and all(self.has_points(k, point[None])[0] for k in patches)
+
     @cached_property
     def _boxes(self) -> Array:
         """The ends of a box about each patch, (2, patches, 3), in which `has_points` finds points."""

@@ -155,6 +155,8 @@ class Exchange:
         kinematics = facets.motion.kinematics(seed, facets.static.seed)
         made = seed + scale * (facets.movable.vertices - seed)
         bound = float(norms(made @ found.transform[:3, :3].T + found.transform[:3, 3] - made).max())
+        if bound <= self._slack:  # as where plane faces touch at rest: nothing is less
+            return []
         unit = float(np.linalg.norm(facets.weights * start)) / facets.weights
 
         def gap(y: Array) -> float:

@@ -197,15 +197,42 @@ def test_a_defect_is_one_line_and_a_traceback_only_with_debug(monkeypatch: pytes
     monkeypatch.setattr(solved, "solved_case", broken)
     result = run("solve", BOXES)
     assert result.exit_code == INTERNAL
-    assert result.stderr.startswith("error: internal: ZeroDivisionError: planted here; please report")
+    assert ": internal: ZeroDivisionError: planted here; please report" in result.stderr
     assert result.stderr.count("\n") == 1
-    assert "internal" in json.loads(run("solve", BOXES, "--json").stdout)["error"]
+    told = json.loads(run("solve", BOXES, "--json").stdout)["files"][0]["cases"]
+    assert all("internal" in case["error"] for case in told)
     for line in (["--debug", "solve", BOXES], ["solve", BOXES, "--debug"]):
         shown = run(*line)
         assert shown.exit_code == INTERNAL
         assert "Traceback" in shown.stderr
     assert "Traceback" in run("solve", "none.toml", "--debug").stderr
     assert "Traceback" not in run("solve", "none.toml").stderr
+
+
+def test_a_defect_in_one_case_took_the_answers_of_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`solve` printed nothing, `report` wrote no file."""
+    answered = solved.solved_case
+
+    def broken(problem: Any, **how: Any) -> Any:
+        if problem.name in ("slanted", "key 2 % too large"):
+            raise ZeroDivisionError("planted here")
+        return answered(problem, **how)
+
+    monkeypatch.chdir(TOP)
+    monkeypatch.setattr(solved, "solved_case", broken)
+    monkeypatch.setattr("fcdm_opt.show.report.gather.solved_case", broken)
+    result = run("solve", BOXES)
+    place = "problems/boxes.toml:{}: case 'slanted'"
+    (said,) = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert re.sub(r":\d+:", ":{}:", said).startswith(f"error: {place}: internal: ZeroDivisionError: planted here;")
+    assert (result.exit_code, "both made larger" in result.stdout) == (INTERNAL, True)
+    for name, other in (("boxes", "both made larger"), ("assemblies/loop_of_four", "made unlike")):
+        out = tmp_path / "report.html"
+        result = run("report", f"problems/{name}.toml", "--no-certify", "--out", str(out))
+        assert (result.exit_code, "internal: ZeroDivisionError" in result.stderr) == (INTERNAL, True)
+        text = out.read_text(encoding="utf-8")
+        assert "internal: ZeroDivisionError: planted here" in text
+        assert other in text
 
 
 def test_an_interrupt_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -356,3 +356,58 @@ def test_the_end_face_of_a_disc_was_told_as_its_cylinder() -> None:
     stack = fo.stack_up(asked, of=("cover", "disc"))
     assert {row.told for row in stack.rows} == {"bottom face of cover, top face of disc"}
     assert stack.worst().least == pytest.approx(0.07, abs=1e-9)
+
+
+@pytest.mark.parametrize("movable", ["blade", "collet"])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_rows_of_an_edge_in_a_bore_were_exact_at_the_worst_cases_alone(movable: str, angle: float) -> None:
+    """R + b/2 - |((9.6 + w) / 2, (2 + t) / 2)|, whose normal turns with w and t: 4.6e-5 too much, "NOT VERIFIED"."""
+    blade = turned(fo.Box((9.6, 2, 30), name="blade").with_seed((0, 0, 0)), "z", angle)
+    collet = fo.cut(fo.Cylinder(9, 20, base=(0, 0, -10)), fo.Cylinder(5, 30, base=(0, 0, -15)), name="collet")
+    parts = sorted([blade, collet.with_seed((0, 0, 0))], key=lambda own: own.name != movable)
+    roles = dict(zip((own.name for own in parts), ("movable", "static"), strict=True))
+    across = {"w": (np.cos(angle), np.sin(angle), 0.0), "t": (-np.sin(angle), np.cos(angle), 0.0)}
+    half = {"w": 4.8, "t": 1.0}
+    sizes = [
+        fo.Size(name, roles["blade"], tolerance=0.1, each=0.5,
+                faces=[{"through": [*(side * half[name] * np.array(n))]} for side in (1, -1)])
+        for name, n in across.items()
+    ]  # fmt: skip
+    sizes.append(fo.Size("b", roles["collet"], faces=["bore radius 5"], each=-0.5, tolerance=0.04))
+    stack = fo.stack_up(fo.Problem(*parts, motion=fo.Translation("x"), goal="touch", sizes=sizes, made={}))
+    places = np.random.default_rng(2).uniform(-1.0, 1.0, (200, 3)) * (0.1, 0.1, 0.04)
+    w, t, b = places.T
+    truth = 5.0 + b / 2.0 - np.hypot(4.8 + w / 2.0, 1.0 + t / 2.0)
+    assert np.abs(stack.gap(places) - truth).max() <= stack.touching.between < 2e-6
+    ends = (5.0 - x - np.hypot(4.8 + y, 1.0 + y) for x, y in ((0.02, 0.05), (-0.02, -0.05)))
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx([*ends], abs=1e-9)
+    if movable == "blade" and not angle:
+        assert fo.verify(stack).passed
+
+
+@pytest.mark.parametrize("kind", ["edge", "peg"])
+def test_rows_beside_a_rod_were_the_least_of_those_along_slanted_edges(kind: str) -> None:
+    """|(3.8 + x, 3.5 + y)| less radii, x and y to .05: 8e-4 too little in the worst cases, "NOT VERIFIED"."""
+    rod = fo.Cylinder(4, 20, base=(0, 0, -10), name="rod").with_seed((0, 0, 0))
+    if kind == "edge":
+        other, radius = fo.Box((9.6, 8, 30), centre=(8.6, 7.5, 0), name="block"), 0.0
+        faces = {"x": ["+x", "-x"], "y": ["+y", "-y"]}
+        sizes = [fo.Size(own, "movable", faces=faces[own], each=-0.5, tolerance=0.1) for own in "xy"]
+        middle, half = (3.8, 3.5), 0.5
+    else:
+        middle, half, radius = (6.0, 5.6), 1.0, 3.0
+        peg = fo.Cylinder(radius, 20, base=(*middle, -10))
+        other = fo.joined(peg, fo.Box((30, 30, 4), centre=(10, 10, 14)), name="pegs")
+        sizes = [fo.Size(own, "movable", faces=["cylinder radius 3"], along=own, tolerance=0.05) for own in "xy"]
+    sizes.append(fo.Size("d", "static", faces=["cylinder radius 4"], each=0.5, tolerance=0.04))
+    stack = fo.stack_up(fo.Problem(other, rod, motion=fo.Translation("x"), goal="touch", sizes=sizes, made={}))
+    low, high = np.array([own.tolerance for own in sizes]).T
+    places = np.random.default_rng(4).uniform(low, high, (200, 3))
+
+    def truth(x: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
+        return np.hypot(middle[0] + half * x, middle[1] + half * y) - radius - 4.0 - d / 2.0
+
+    assert np.abs(stack.gap(places) - truth(*places.T)).max() <= stack.touching.between < 4e-6
+    ends = [truth(*low[:2], 0.04), truth(*high[:2], -0.04)]
+    assert [stack.worst().least, stack.worst().largest] == pytest.approx(ends, abs=1e-9)
+    assert fo.verify(stack).passed

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import reduce
 from itertools import product
+from operator import rshift
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +199,7 @@ def test_games_have_the_value_of_linear_programming():
 def proved(asked: fo.Problem, found) -> None:
     """The result is certified, and both judges agree."""
     assert found.certified
-    assert found.passed, found.checks
+    assert fo.verify(found).passed
     assert found.lower_bound <= found.value + 1e-12
     if found.evidence is not None:
         checks = found.check(asked)
@@ -751,3 +753,20 @@ def test_an_assembly_that_does_not_fit_says_which_widths() -> None:
     solution = fo.solve(_posts().changed(made={"post": -0.25}))
     assert solution.status is fo.Status.OUTSIDE_FIT
     assert assembly_verdict(solution).startswith("does not fit: pallet 39.800 in base 39.750, between face")
+
+
+@pytest.mark.parametrize("axes", ["x", pytest.param("xy", marks=pytest.mark.slow)])
+def test_a_cap_flush_on_the_base_of_a_round_stud_was_judged_by_that_contact(axes: str) -> None:
+    """A cavity of 6.2 over a stud of 6 that is up to .08 off: gaps are .1 + x - p and .1 - x + p; "NOT VERIFIED"."""
+    motion = reduce(rshift, map(fo.Translation, axes))
+    stud = fo.joined(fo.Box((20, 20, 4), centre=(0, 0, -2)), fo.Cylinder(3, 3.5, base=(0, 0, -0.5)), name="stud")
+    cap = fo.cut(fo.Box((10, 10, 6), centre=(0, 0, 3)), fo.Box((6.2, 6.2, 4.01), centre=(0, 0, 1.995)), name="cap")
+    size = fo.Size("stud position", "static", faces=["cylinder radius 3"], along="x", tolerance=(0.0, 0.08))
+    asked = fo.Problem(cap, stud, motion=motion, goal="clear", sizes=[size], made={})
+    pose = best_pose(asked, clearance=(0.05, np.inf))
+    assert pose.passed, pose.refusal
+    assert [pose.amount, pose.least.gap, pose.most.gap] == pytest.approx([0.03, 0.05, 0.1], abs=1e-6)
+    by_scales = two(cap.with_seed((0, 0, 0)), stud.with_seed((0, 0, 0)), motion)  # in the plane of the contact
+    found = clearances(by_scales, box=((0.99, 1.01), (0.99, 1.01)))
+    assert fo.verify(found).passed
+    assert [found.least.gap, found.most.gap] == pytest.approx([0.1 - 0.061, 0.1 + 0.061], abs=1e-9)

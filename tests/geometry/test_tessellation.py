@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from itertools import count, product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -82,6 +84,40 @@ def test_plane_faces_have_no_error(tmp_path: Path) -> None:
     body = read(tmp_path, polyhedron(PLATE, SIDES, "mm"), deviation=0.01)
     assert body.deviation == (0.0, 0.0)
     assert not any("triangles" in note for note in body.notes)
+
+
+def splined(points: np.ndarray, faces: list[tuple[int, ...]], unit: str, bulge: float) -> str:
+    """Return a STEP file of a solid whose quads are splines of 3 x 3 points, the middle of the first off by `bulge`."""
+    ends, numbers, added, quads = [0.0, 0.5, 1.0], count(9001), list[str](), iter(faces)
+
+    def spline(_: re.Match[str]) -> str:
+        (a, b, c, d), net = points[[*next(quads)]], list[str]()
+        normal = np.cross(b - a, d - a) / np.linalg.norm(np.cross(b - a, d - a))
+        for u, v in product(ends, ends):
+            x = (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c)
+            x = x + bulge * normal if u == v == 0.5 and len(added) < 9 else x
+            added.append(f"#{(number := next(numbers))} = CARTESIAN_POINT('',({','.join(f'{own:.9f}' for own in x)}));")
+            net.append(f"#{number}")
+        rows = ",".join(f"({','.join(net[k : k + 3])})" for k in (0, 3, 6))
+        rest = ".UNSPECIFIED.,.F.,.F.,.F.,(3,3),(3,3),(0.,1.),(0.,1.),.UNSPECIFIED."
+        return f"B_SPLINE_SURFACE_WITH_KNOTS('',2,2,({rows}),{rest})"
+
+    text = re.sub(r"PLANE\(''[^)]*\)", spline, polyhedron(points, faces, unit))
+    body, end, tail = text.rpartition("ENDSEC;")
+    return "\n".join([body, *added, end]) + tail
+
+
+@pytest.mark.parametrize("unit", ["mm", "in"])
+def test_faces_of_a_loft_that_are_plane_were_taken_for_curved_ones(tmp_path: Path, unit: str) -> None:
+    """A drafted ingot: what true parts need was "between 0 and 5.3" mm. A bulge is seen however small."""
+    corners = [(sx * (10 + z / 8), sy * (6 + z / 8), z) for sx, sy, z in product((-1, 1), (-1, 1), (0.0, 16.0))]
+    points = np.array(corners, dtype=float)
+    body = read(tmp_path, splined(points, SIDES, unit, 0.0), unit=unit)
+    assert body.deviation == (0.0, 0.0)
+    assert len(body.faces) == 6
+    near = np.abs(body.vertices[:, None] - points).max(axis=2)
+    assert near.min(axis=0).max() < 1e-12
+    assert read(tmp_path, splined(points, SIDES, unit, 0.01), unit=unit).deviation[1] >= 0.01 / 4
 
 
 @pytest.mark.slow

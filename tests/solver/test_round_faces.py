@@ -91,6 +91,23 @@ def test_a_pin_beside_its_bore_is_cleared_to_where_it_just_fits() -> None:
     assert solution.amount_high == solution.amount
 
 
+def capped(height: float, *, round_stud: bool = True) -> tuple[fo.Body, fo.Body]:
+    """A cap with a square cavity 6.2 wide over a stud 6 wide, which stands on a base; the cap so far above the base."""
+    stud = fo.Cylinder(3, 3.5, base=(0, 0, -0.5)) if round_stud else fo.Box((6, 6, 3.5), centre=(0, 0, 1.25))
+    cavity = fo.Box((6.2, 6.2, 4.0), centre=(0, 0, 1.99 + height))
+    cap = fo.cut(fo.Box((10, 10, 6), centre=(0, 0, 3 + height)), cavity, name="cap")
+    return cap, fo.joined(fo.Box((20, 20, 4), centre=(0, 0, -2)), stud, name="stud")
+
+
+@pytest.mark.parametrize("motion", [X >> Y, X >> Z, X >> Y >> fo.Rotation("z")])
+@pytest.mark.parametrize("height", [0.0, 0.05])
+def test_a_cap_that_lies_on_the_base_of_a_round_stud_was_divided_by_zero(motion: fo.Motion, height: float) -> None:
+    """On the base it touches as it is; above by .05 it sinks by that, or meets the stud after its play of .1."""
+    solution = usable(asked(*capped(height), motion))
+    least = 0.0 if not height else height if motion == X >> Z else 0.1
+    assert solution.amount == pytest.approx(least, **NEAR)
+
+
 def test_line_to_line_is_a_contact_all_round() -> None:
     """A shaft and a bore of one diameter, of other facets: as drawn they touch, and fit."""
     shaft, bore = pin(10.0, facets=28), plate(10.0)

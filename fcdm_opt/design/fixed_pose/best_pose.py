@@ -339,7 +339,8 @@ def best_pose(
         best, true = _of_gap(problem, scales, (low, high), asking, most)
     pose = _reported(problem, best, (low, high), own=own)
     if true is not None:
-        pose = replace(pose, evidence=None, permanent_faces=frozenset(true.permanent))
+        faces = true.faces_of(best.worst.scene.permanent.values())
+        pose = replace(pose, evidence=None, permanent_faces=faces | true.permanent)
     return replace(pose, checks=judged_in_time(pose).checks, seconds=time.perf_counter() - start)
 
 

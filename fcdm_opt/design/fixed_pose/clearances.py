@@ -300,7 +300,7 @@ def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) ->
         largest=(most.gap, most.rho),
         box=scene.sizes.box,
         permanent=tuple(scene.permanent),
-        permanent_faces=None if true is None else frozenset(true.permanent),
+        permanent_faces=None if true is None else true.faces_of(scene.permanent.values()) | true.permanent,
     )
     gaps, permanent = wider.rows(at.pose).gaps(pairs), scene.permanent_in_words
     return _Found(transform, least, most, pairs, source, gaps, claimed, permanent, extremes.doubt, true is not None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib import import_module, metadata
 from pathlib import Path
@@ -39,14 +40,19 @@ LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scip
 
 
 def gather(
-    files: Iterable[Any], *, certify: bool = True, say: Callable[[str], None] | None = None, frames: float | None = None
+    files: Iterable[Any],
+    *,
+    certify: bool = True,
+    say: Callable[[str], None] | None = None,
+    refuse: Callable[[Exception], object] | None = None,
+    frames: float | None = None,
 ) -> dict[str, Any]:
     """Solve all cases of problem files and return what a report shows of them.
 
     `files` are problem files as read: their `path`, `title`, `note` and `problems`, and an `error` or None. With
     `certify` it is proved how small a motion can be at all, and the proof checked; of large meshes the solver's bound
-    stands. `say` gets a line for each case, and what is wrong with one; `frames` is the share of the frames of a family
-    that each slider gets, at least three; default `frames_of` the problem.
+    stands. `say` gets a line for each case, `refuse` what is wrong with one; `frames` is the share of the frames of a
+    family that each slider gets, at least three; default `frames_of` the problem.
 
     Returns lists, dicts, texts and finite numbers: the same files give the same data but for date and times.
     """
@@ -71,11 +77,11 @@ def gather(
     for name in LOADED:
         import_module(name)
     for problem in asked:
-        facets_known(problem)
-        with pacing.telling():
+        with suppress(Exception), pacing.telling():  # what fails is told of the case, which asks anew
+            facets_known(problem)
             view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
     pacing.at("solving and drawing the cases before it")
-    listed, known, cases, interrupted = answered_in_turn(files, case, say)
+    listed, known, cases, interrupted = answered_in_turn(files, case, say, refuse)
     tables = list[dict[str, Any]]()
     for number, numbers in enumerate(file["cases"] for file in listed):
         for place in numbers:
@@ -97,19 +103,22 @@ def gather(
 
 
 def answered_in_turn(
-    files: Sequence[Any], answer: Callable[[int], Any], say: Callable[[str], None] | None = None
+    files: Sequence[Any],
+    answer: Callable[[int], Any],
+    say: Callable[[str], None] | None = None,
+    refuse: Callable[[Exception], object] | None = None,
 ) -> tuple[list[dict[str, Any]], list[Any], list[Any], bool]:
     """Return heads of files, the questions with an answer, the answers, and whether that was interrupted.
 
     `answer` gives that of a question by its number in all files. A head has the numbers of its file's "cases" among
-    the answers, and as its "error" why others are missing; "late" where that is the time, or an interrupt. Raises
-    `KeyboardInterrupt` where there is no answer yet.
+    the answers, and as its "error" why others are missing, with "failures", the kinds of that: "input", "internal", or
+    "late", the time or an interrupt. Raises `KeyboardInterrupt` where there is no answer yet.
     """
     count = sum(len(file.problems) for file in files)
     answers, heads, known, found = process_pool.each(answer, range(count)), list[dict[str, Any]](), [], list[Any]()
     interrupted = False
     for file in files:
-        errors, first, late = [file.error] if file.error else [], len(found), not file.error
+        errors, first, failures = [file.error] if file.error else [], len(found), {"input"} if file.error else set()
         for problem in file.problems:
             try:
                 if interrupted:
@@ -120,19 +129,20 @@ def answered_in_turn(
                     pacing.at("solving and drawing", len(found), count)
                     found.append(next(answers)())
                 known.append(problem)
-            except (InputError, pacing.TimeOverError, KeyboardInterrupt) as reason:
+            except (Exception, KeyboardInterrupt) as reason:
                 interrupted = interrupted or isinstance(reason, KeyboardInterrupt)
                 if interrupted and not found:
                     raise
-                why = "interrupted" if interrupted else f"{reason}; allow more time"
-                told = reason if isinstance(reason, InputError) else InputError(f"left out: {why}")
-                late = late and told is not reason
-                errors.append(str(told.within(file=file.path.name, key=f"case {problem.name!r}")))
-                if say:
-                    say(f"error: {errors[-1]}")
+                late = "late", InputError("left out: interrupted")
+                kind, told = late if isinstance(reason, KeyboardInterrupt) else pacing.failure(reason)
+                failures.add(kind)
+                met = told.within(file=file.path.name, key=f"case {problem.name!r}")
+                errors.append(str(met))
+                if refuse:
+                    refuse(met.with_traceback(told.__traceback__))
         heads.append({**head(file), "cases": list(range(first, len(found)))})
         if errors:
-            heads[-1] |= {"error": "\n".join(errors), "late": late}
+            heads[-1] |= {"error": "\n".join(errors), "failures": sorted(failures)}
     return heads, known, found, interrupted
 
 
