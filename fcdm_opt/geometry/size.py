@@ -157,7 +157,8 @@ class Size(Plain):
         InputError
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
-        return _offsets(self, body)
+        drawn, scale = body.at_scale or (body, 1.0)
+        return scale * _offsets(self, drawn)
 
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.

@@ -64,7 +64,7 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     between = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # of motions found beside it, on a jump
     unknown = (late | between).reshape(shape)
     heads = [
-        [_size_text(off, own.length, unit, found.unit) for off in np.round(values, 9).tolist()]
+        [_size_text(off, own, unit, found.unit) for off in np.round(values, 9).tolist()]
         if not nominal
         else [f"{own.length * value:.6g} {found.unit}" for value in values]
         if found.unit
@@ -91,21 +91,24 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
 class _Length(NamedTuple):
     """What is measured of a size as drawn, nan where that is not one length; of a scale the part, where it is longest.
 
-    `name` says what it is of, `off` what it is told as where that is no length.
+    `name` says what it is of, `off` what it is told as where that is no length; as made it is `scale` times as long.
     """
 
     name: str
     length: float
     off: str
+    scale: float = 1.0
 
 
 def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
     """Return what is measured of the sizes that a map is over."""
     own, made = {size.name: size for size in scene.sizes}, list[_Length]()
+    scales = scene.scales_at({name: 1.0 for name in found.over if name not in own})
     for name in found.over:
         if name in own:
-            length = own[name].drawn(scene.drawn[own[name].body])
-            made.append(_Length(name, length, "off drawn" if np.isnan(length) else ""))
+            body = own[name].body
+            length = own[name].drawn(scene.drawn[body])
+            made.append(_Length(name, length, "off drawn" if np.isnan(length) else "", scales[body]))
             continue
         part = [*scene.drawn][[*scene.nominal_scales].index(name)]
         extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
@@ -115,9 +118,9 @@ def _measured(found: CompensationMap, scene: Scene) -> list[_Length]:
     return made
 
 
-def _size_text(off: float, length: float, unit: str, whole: str) -> str:
+def _size_text(off: float, own: _Length, unit: str, whole: str) -> str:
     """Return a size by its deviation from drawn, in a unit or as a share: "9.964 mm (-0.036)", "-0.036 mm"."""
-    made = length + off if unit else length * (1.0 + off)
+    made = own.scale * (own.length + off if unit else own.length * (1.0 + off))
     told = "as drawn" if not off else signed(off) if unit else f"{signed(100.0 * off)} %"
     return (measured(told, unit) if off else told) if np.isnan(made) else f"{measured(made, whole)} ({told})"
 

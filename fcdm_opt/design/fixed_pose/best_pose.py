@@ -173,9 +173,9 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         assert isinstance(problem, Problem)
         assert self.transform is not None
         by_names = self.least.names != SCALES
-        drawn = problem.request if by_names else vars(problem)
+        movable, static = (problem.at_scales if by_names else problem.bodies_made).values()
         return GapClaims(
-            bodies=(drawn["movable"], drawn["static"]),
+            bodies=(movable, static),
             sizes=problem.sizes if by_names else (),
             transform=self.transform,
             least=(ends[0], self.least.rho),

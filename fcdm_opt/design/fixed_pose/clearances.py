@@ -188,7 +188,8 @@ def clearances(
     box : ((low_1, high_1), (low_2, high_2)), optional
         Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
         `sizes` may be where it has none. A problem with sizes of its own and no such tolerance is asked about these,
-        distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges.
+        distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges,
+        of parts at the scales made.
         Of an assembly (low, high), the scales of all its parts.
     pose : mapping of parameter name to number, sequence of parameters, or (4, 4) array, optional
         Where body 1 is: parameters of the problem's motion (length units, radians), or a rigid transform. Default: at
@@ -264,8 +265,8 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
 
 def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
     """Return the gaps of a problem's own sizes, as its stack-up tells them."""
-    transform, bodies = transform_of(problem, pose), (problem.request["movable"], problem.request["static"])
-    touching = touching_true_faces(*bodies, problem.sizes, transform=transform, permanent=False)
+    transform, (movable, static) = transform_of(problem, pose), problem.at_scales.values()
+    touching = touching_true_faces(movable, static, problem.sizes, transform=transform, permanent=False)
     stack, (pairs, source) = StackUp(touching, (-np.inf, np.inf), problem.unit), drawn(touching.box)
     names, worst = tuple(stack.names), stack.worst()
 

@@ -59,9 +59,9 @@ def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[],
     check_sizes(sizes)
     if contacts is not None and by_contacts(problem, named=False):
         return contacts()
-    drawn = problem.request["movable"], problem.request["static"]
+    movable, static = problem.at_scales.values()
     try:
-        return touching_true_faces(*drawn, sizes, permanent=False, **how)
+        return touching_true_faces(movable, static, sizes, permanent=False, **how)
     except ChangedShapeError:
         with suppress(InputError):
             if contacts is not None:
@@ -82,10 +82,10 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
-    The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
-    names, by default those of the only contact of goal "clear", or without one those of the only contact that sizes
-    open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError` where
-    motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
+    The assembly has sizes, each with a tolerance; its parts count at the scales made. The gap is that of the two parts
+    that `of` names, by default those of the only contact of goal "clear", or without one those of the only contact that
+    sizes open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError`
+    where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     check_sizes(assembly.sizes)
     if not assembly.shifts:

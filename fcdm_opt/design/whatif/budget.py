@@ -453,7 +453,7 @@ class _Tolerances:
             return None
         sizes = tuple(self.sizes(self.largest))
         own = (tuple(size for size in sizes if size.body == role) for role in ROLES)
-        return _touching(*map(fit_for_sizes, (self.problem.request[role] for role in ROLES), own), sizes)
+        return _touching(*map(fit_for_sizes, self.problem.at_scales.values(), own), sizes)
 
     def sizes(self, tau: float) -> list[Size]:
         """Return the sizes with this tolerance."""
@@ -467,7 +467,7 @@ class _Tolerances:
             return [dict(zip(self.names, made, strict=True)) for made in ends]
         if not self.names or isinstance(self.problem, Assembly):
             return [self.letter]
-        sizes, (one, two) = self.sizes(tau), (self.problem.request[role] for role in ROLES)
+        sizes, (one, two) = self.sizes(tau), self.problem.at_scales.values()
         return [made_at(one, two, sizes, self.letter, self.touching and replace(self.touching, sizes=tuple(sizes)))]
 
     @cached_property

@@ -65,9 +65,9 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
     for size in scene.sizes:
         body, off, ends = scene.drawn[size.body], (scene.made or {}).get(size.name, 0.0), size.tolerance
         drawn, place = size.drawn(body), size.position(body)
-        at, drawn = ("", drawn) if np.isnan(place) else ("at ", place)
+        at, drawn, datum = ("", drawn, 0.0) if np.isnan(place) else ("at ", place, float(body.seed @ size.along))
         noise = noise_of([body])
-        made = drawn + off * (1.0 if size.is_length else drawn)
+        made = datum + scene.scales_made[size.body] * (drawn + off * (1.0 if size.is_length else drawn) - datum)
         low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size), "low": low, "high": high,
