@@ -157,8 +157,7 @@ class Size(Plain):
         InputError
             For a selector that no face, or that faces in several planes meet, with the faces that there are.
         """
-        drawn, scale = body.at_scale or (body, 1.0)
-        return scale * _offsets(self, drawn)
+        return _offsets(self, body)
 
     def drawn(self, body: Body) -> float:
         """Return what it measures on a body as drawn: a width, a diameter or radius, the length of what is scaled.
@@ -385,6 +384,8 @@ def _surrounded(body: Body, own: Ints, others: Ints) -> bool:
 
 @lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
 def _offsets(size: Size, body: Body) -> Array:
+    if body.at_scale is not None:
+        return frozen(body.at_scale[1] * _offsets(size, body.at_scale[0]))
     normals, points = body.face_planes
     moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
     each = size.each if size.along is None else [None] * len(size.faces)
