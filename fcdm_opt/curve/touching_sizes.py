@@ -16,6 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -266,14 +267,6 @@ class TouchingSizes:
         """The same of each part pair."""
         return tuple(least_of(pair.values, self.box) for pair in self.pairs)
 
-    @cached_property
-    def mosts(self) -> tuple[tuple[float, Array], ...]:
-        """The largest gap of each part pair in the box, and sizes at which it is, in a corner."""
-        (low, high), drawn = self.box.T, np.clip(0.0, *self.box.T)
-        tops = [pair.values[_ends(pair.values, self.box)[1].argmax()] for pair in self.pairs]
-        places = [np.where(top[1:] > 0.0, high, np.where(top[1:] < 0.0, low, drawn)) for top in tops]
-        return tuple((float(top[0] + top[1:] @ place), place) for top, place in zip(tops, places, strict=True))
-
     def of_each(self, *, least: bool) -> Array:
         """Return sizes with the least gap in the box, or the largest; those that it does not depend on as next pairs'.
 
@@ -282,7 +275,9 @@ class TouchingSizes:
         """
         drawn, place = np.clip(0.0, *self.box.T), (self.least() if least else self.largest())[1]
         near, sign = DEFAULT.planarity * max(body.size for body in self.bodies), 1.0 if least else -1.0
-        ends, known = self.leasts if least else self.mosts, list[int]()
+        each = ([least_of(-row[None], self.box) for row in pair.values] for pair in self.pairs)
+        largest = (min(rows, key=itemgetter(0)) for rows in each)
+        ends, known = self.leasts if least else [(-value, at) for value, at in largest], list[int]()
         for k in np.argsort([value for value, _ in ends]).tolist():
             (value, own), before, other = ends[k], self.gaps(place), place.copy()
             limit = before[known] if least else -np.minimum(before, before[k])

@@ -343,7 +343,7 @@ def test_the_pose_command_tells_that_it_counts_closed_contacts_which_the_motion_
 
 
 def test_the_least_interference_of_a_round_pin_was_not_proved() -> None:
-    """A pin thicker than its bore by .029 at most overlaps by half of that where it is in the middle, and nowhere less."""
+    """A pin thicker than its bore by .029 at most overlaps by half of that in the middle, and nowhere less."""
     plate = fo.cut(fo.Box((30.0, 30.0, 8.0)), fo.Cylinder(6.0, 20.0, base=(0.0, 0.0, -10.0)), name="plate")
     pin = fo.Cylinder(6.0, 20.0, base=(0.0, 0.0, -10.0), name="pin")
     shank = fo.Size("shank", "movable", faces="cylinder radius 6", each=0.5, tolerance=(0.018, 0.029))
