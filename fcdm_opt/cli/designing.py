@@ -315,7 +315,10 @@ def pose_command(
     as_json: common.AsJson = False,
     case: common.Cases = None,
 ) -> None:
-    """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all."""
+    """Tell clearance and interference of all sizes at a fixed pose, and find the one pose that is best for all.
+
+    With [[size]] tables parts are scaled as the case says, and have all sizes within their tolerances.
+    """
     if box is not None and sizes is not None:
         raise InputError("a box and measured sizes exclude each other", key="--box", allowed="--box or --sizes")
     if box is not None:
@@ -400,6 +403,7 @@ def stack_command(
 ) -> None:
     """Tell how the gap depends on the sizes of faces and features: worst case, yield, what each contributes.
 
+    Parts are scaled as the case says, and have all sizes within their tolerances, whatever it says is made.
     With --cost it finds the cheapest tolerances too. With --out it writes the rows as CSV, and pictures.
     """
     from fcdm_opt.lazy_import import extra

@@ -16,6 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -266,26 +267,31 @@ class TouchingSizes:
         """The same of each part pair."""
         return tuple(least_of(pair.values, self.box) for pair in self.pairs)
 
-    def least_of_each(self) -> Array:
-        """Return sizes with the least gap in the box, of which those that it does not depend on close other pairs."""
-        # as far as they can, the pair with the least gap first: a part that two walls locate is off both of them
-        drawn, place = np.clip(0.0, self.box[:, 0], self.box[:, 1]), self.least()[1]
-        near = DEFAULT.planarity * max(body.size for body in self.bodies)
-        known = list[int]()
-        for k in np.argsort([value for value, _ in self.leasts]).tolist():
-            value, own = self.leasts[k]
-            most = np.array(self.gaps(place)) + near
-            free = np.flatnonzero((place == drawn) & (own != drawn)) if most[k] - value > 2.0 * near else ()
-            other = place.copy()
+    def of_each(self, *, least: bool) -> Array:
+        """Return sizes with the least gap in the box, or the largest; those that it does not depend on as next pairs'.
+
+        As far as they can, the pair whose least, or largest, gap is the least first: a part that two walls locate is
+        off both of them. Of largest gaps no pair that is nearer comes nearer by that.
+        """
+        drawn, place = np.clip(0.0, *self.box.T), (self.least() if least else self.largest())[1]
+        near, sign = DEFAULT.planarity * max(body.size for body in self.bodies), 1.0 if least else -1.0
+        each = ([least_of(-row[None], self.box) for row in pair.values] for pair in self.pairs)
+        largest = (min(rows, key=itemgetter(0)) for rows in each)
+        ends, known = self.leasts if least else [(-value, at) for value, at in largest], list[int]()
+        for k in np.argsort([value for value, _ in ends]).tolist():
+            (value, own), before, other = ends[k], self.gaps(place), place.copy()
+            limit = before[known] if least else -np.minimum(before, before[k])
+            held = known if least else slice(None)
+            free = np.flatnonzero((place == drawn) & (own != drawn)) if sign * (before[k] - value) > near else ()
             for size in free:
                 kept, other[size] = other[size], own[size]
-                if (self.gaps(other)[known] > most[known]).any():
+                if (sign * self.gaps(other)[held] > limit + near).any():
                     other[size] = kept
             for size in free:  # back, where the pair does not depend on it either
                 moved, gap, other[size] = other[size], self.gaps(other)[k], place[size]
-                if self.gaps(other)[k] > gap + near:
+                if sign * (self.gaps(other)[k] - gap) > near:
                     other[size] = moved
-            place = other if self.gaps(other)[k] < most[k] - 2.0 * near else place
+            place = other if sign * (before[k] - self.gaps(other)[k]) > near else place
             known.append(k)
         return place
 

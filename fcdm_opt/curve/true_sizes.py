@@ -106,9 +106,9 @@ def made_at(
 
     `made` are deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap,
     "worst", or the largest one, "loosest", at rest (of what is not closed at all sizes, if there is any), all sizes at
-    their least, "low", largest, "high", or in the "middle". Sizes that the least gap does not depend on are those with
-    the least gap of the next contact that may be the nearest, and so on. `touching` is what is known of them at rest,
-    with these sizes.
+    their least, "low", largest, "high", or in the "middle". Sizes that the gap does not depend on are those with the
+    least, or largest, gap of the next contact that may be the nearest, and so on. `touching` is what is known of them
+    at rest, with these sizes.
     """
     names = [size.name for size in sizes]
     if isinstance(made, Mapping):
@@ -121,7 +121,7 @@ def made_at(
         found = (
             touching_true_faces(movable, static, sizes, least=False, permanent=False) if touching is None else touching
         )
-        values = (found.least_of_each() if made == "worst" else found.largest()[1]).tolist()
+        values = found.of_each(least=made == "worst").tolist()
     return dict(zip(names, values, strict=True))
 
 

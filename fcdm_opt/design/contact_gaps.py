@@ -1,7 +1,7 @@
 """Gaps of contacts as drawn, row by row: affine in the sizes, and in the parameters of motions that only shift.
 
-A row is the separation of the two elements that touch as drawn, along their normal: of bodies cut into parts or kept as
-surfaces, of two parts or all those of an assembly that are to meet.
+A row is the separation, at the scales made, of the two elements that touch as drawn, along their normal: of bodies cut
+into parts or kept as surfaces, of two parts or all those of an assembly that are to meet.
 """
 
 from __future__ import annotations
@@ -157,8 +157,9 @@ class ContactGaps:
             else:
                 at = Tracked.at(task.movable, task.static, poses[k], line.parts, line.site, line.sign)
                 normal, (a, b, c) = at.normal, at.line.tolist()
-            normals[row], values[row, 0] = normal, c - a - b if self.own else c
-            rates = normal @ two - normal @ R @ one if self.own else np.array([-a, -b])
+            rho = self.relations[k].target
+            normals[row], values[row, 0] = normal, c - rho @ (a, b) if self.own else c
+            rates = rho[1] * (normal @ two) - rho[0] * (normal @ R @ one) if self.own else np.array([-a, -b])
             values[row, 1 + np.array(self.columns[k], int)] = rates
         return AffineGaps(values, normals)
 
@@ -227,9 +228,10 @@ class ContactGaps:
 
     def claim(self, relation: Problem, columns: list[int], transform: Array) -> GapClaims:
         """Return the claims of two parts without what is told of their gap."""
-        drawn, listed = relation.request if self.own else vars(relation), self.sizes.pairs
+        movable, static = (relation.at_scales if self.own else relation.bodies_made).values()
+        listed = self.sizes.pairs
         return GapClaims(
-            bodies=(drawn["movable"], drawn["static"]),
+            bodies=(movable, static),
             sizes=relation.sizes if self.own else (),
             transform=transform,
             box=self.sizes.box[columns],

@@ -260,6 +260,8 @@ class Body(_Sealed, NotebookRepr):
         The points of round faces at which it is exact, and the body of facets that it was made of.
     drawn : Body or None
         The body whose faces were moved to make this one: faces that are called alike keep its numbers.
+    at_scale : (Body, float) or None
+        The body that was scaled to make this one, and the scale, where sizes are of its faces and grow with it.
     unit : "m", "cm", "mm", "um", "in", "ft" or ""
         Of all its lengths, "" where none is named; a `Problem` takes it over, and no number follows from it.
     """
@@ -281,6 +283,7 @@ class Body(_Sealed, NotebookRepr):
     rounding: float = 0.0
     exact: ExactPoints | None = field(default=None, repr=False)
     drawn: Body | None = field(default=None, repr=False)
+    at_scale: tuple[Body, float] | None = field(default=None, repr=False)
     unit: UnitOrNone = ""
 
     @classmethod

@@ -58,6 +58,8 @@ def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]
     "face 12", as they are counted, for others. Several that are called alike are numbered: "bore radius 2 no. 1".
     `four_digits`: with radii to `FEW` digits.
     """
+    if body.at_scale is not None:
+        return names_of_faces(body.at_scale[0], four_digits=four_digits)
     normals, rounds = _looks(body)
     return {**_plane(body, normals, MANY), **_numbered(body, rounds, four_digits)}
 

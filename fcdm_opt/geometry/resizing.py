@@ -191,11 +191,22 @@ class Resizing:
         return ""
 
 
+@lru_cache(maxsize=128)
+def at_scale(body: Body, scale: float) -> Body:
+    """Return a body scaled about its seed, of which a size is what it is of the body itself, and grows with it.
+
+    So the body at sizes, scaled, is this one at the same sizes.
+    """
+    return body if scale == 1.0 else replace(body.scaled(scale), at_scale=(body, scale))
+
+
 @lru_cache(maxsize=16)
 def fit_for_sizes(body: Body, sizes: tuple[Size, ...]) -> Body:
     """Return a body whose parts can follow sizes of its faces: itself, or the same solid cut between its features."""
     # all over their tolerances where one can, else near what is drawn; itself where none can, and `Resizing.of` says
     # why
+    if body.at_scale is not None:
+        return at_scale(fit_for_sizes(body.at_scale[0], sizes), body.at_scale[1])
     lengths = [size for size in sizes if size.is_length]
     if not lengths or body.is_surface or not body.triangles or len(body.parts) == 1:
         return body

@@ -446,6 +446,8 @@ def _surrounded(body: Body, own: Ints, others: Ints) -> bool:
 
 @lru_cache(maxsize=128)  # studies and maps ask for the same faces of the same body at each of their points
 def _offsets(size: Size, body: Body) -> Array:
+    if body.at_scale is not None:
+        return frozen(body.at_scale[1] * _offsets(size, body.at_scale[0]))
     normals, points = body.face_planes
     moved, taken = np.zeros(len(normals)), np.zeros(len(normals), bool)
     each = size.each if size.along is None else [None] * len(size.faces)

@@ -51,7 +51,7 @@ class ShareClaim:
 class GapClaims:
     """What is told of the gap of two bodies at a pose, over a box of sizes or a list of them."""
 
-    bodies: tuple[Body, Body]  # as drawn
+    bodies: tuple[Body, Body]  # as drawn, of own sizes at the scales made
     # what numbers of a place are, also of other bodies; without any they are the scales of both bodies
     sizes: tuple[Size, ...]
     transform: Array  # (4, 4): of the movable body

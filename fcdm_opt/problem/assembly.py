@@ -626,7 +626,7 @@ def _extreme(
         own = [size.of_body(roles[size.body]) for size in sizes if size.body in roles]
         if own:
             touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, permanent=False)
-            places = touching.least_of_each() if made == "worst" else touching.largest()[1]
+            places = touching.of_each(least=made == "worst")
             ends = np.where(
                 np.eye(len(own), dtype=bool), touching.box.T[:, None], places
             )  # (2, k, k): each at its ends

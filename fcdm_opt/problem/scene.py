@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from fcdm_opt.errors import FcdmError
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.resizing import at_scale
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.motion.motions import Kind, Motion
@@ -81,6 +82,11 @@ class AnyScene:
     def bodies(self: Any) -> tuple[Body, ...]:
         """All bodies of the question, at the sizes made: its parts, and those of the keep-outs."""
         return (*self.bodies_made.values(), *(keep_out.body for keep_out in self.keep_out))
+
+    @property
+    def at_scales(self) -> dict[str, Body]:
+        """The parts as drawn but scaled as those made: of which answers about all sizes are."""
+        return {part: at_scale(body, self.scales_made[part]) for part, body in self.drawn.items()}
 
     @property
     def moving(self) -> tuple[str, ...]:

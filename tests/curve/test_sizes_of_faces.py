@@ -528,6 +528,23 @@ def test_the_loosest_sizes_were_a_ten_millionth_off_the_ends_of_their_tolerances
     assert problem.made == {"neck": -0.1, "mouth": 0.2, "flange": -0.1}
 
 
+def test_loosest_sizes_of_a_further_contact_were_as_drawn() -> None:
+    """A strip in its slot is loosest line to line, and then as far off its floor as that goes; "worst" did the like."""
+    strip = box((-10, -6, -4), (10, 6, 4), "strip")
+    walls = [box((-20, -20, -9), (20, -6, 3)).vertices, box((-20, 6, -9), (20, 20, 3)).vertices]
+    bed = fo.Body.from_parts([*walls, box((-20, -20, -9), (20, 20, -4)).vertices], seed=(0, 0, 0), name="bed")
+    sides = [{"through": (0, y, 0)} for y in (-6, 6)]
+    sizes = [
+        fo.Size("strip width", "movable", faces=["+y", "-y"], each=0.5, tolerance=(0.018, 0.029)),
+        fo.Size("slot width", "static", faces=sides, each=-0.5, tolerance=(0.0, 0.018)),
+        fo.Size("strip height", "movable", faces="-z", tolerance=0.02),
+        fo.Size("slot depth", "static", faces=[{"through": (0, 0, -4)}], each=-1, tolerance=(0.0, 0.03)),
+    ]
+    asked = fo.Problem(strip, bed, sizes=sizes, made="loosest", motion=fo.Translation("z"), goal="clear")
+    assert [*asked.made.values()] == [0.018, 0.018, -0.02, 0.03]
+    assert [*asked.changed(made="worst").made.values()] == [0.029, 0.0, 0.02, 0.0]
+
+
 def test_a_file_with_sizes_answers_its_closed_forms() -> None:
     for problem in fo.load_problems(PROBLEMS / "slot_and_key.toml")[:2]:
         solution = fo.solve(problem)

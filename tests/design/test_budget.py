@@ -461,3 +461,26 @@ def test_the_worst_corner_left_out_the_contact_with_more_gap() -> None:
     assert high.startswith("high (all sizes at their largest): up to 0.3 (proved: ")
     assert more.startswith("worst holds for all sizes within: none has more material")
     assert found["worst"].to_dict()["corner"] == "the sizes with the least gap at rest"
+
+
+def test_sizes_of_an_assembly_that_jam_against_each_other_were_good_all_low_and_all_high() -> None:
+    """A plate on a post of 20, .1 over another, and five sizes: one post at -t and one at +t jam beyond .05.
+
+    All low, or all high, no gap changes; of 32 combinations the one with the least gap decides.
+    """
+    floor, plate = Box((40, 10, 2), centre=(0, 0, -1), name="floor"), Box((40, 10, 2), centre=(0, 0, 21), name="plate")
+    left = Box((4, 10, 20), centre=(-10, 0, 10), name="left")
+    right = Box((4, 10, 19.9), centre=(10, 0, 9.95), name="right")
+    sizes = [Size(f"{part} height", part, faces="+z", tolerance=0.02) for part in ("left", "right")]
+    sizes += [Size(f"{part} side", part, faces="+y", tolerance=0.02) for part in ("left", "right", "plate")]
+    pairs: list[Any] = [("left", "floor"), ("right", "floor"), ("plate", "left")]
+    pairs.append({"parts": ("plate", "right"), "goal": "clear"})
+    motions = dict.fromkeys(("left", "right", "plate"), Translation("z"))
+    scene: Any = Assembly([floor, left, right, plate], pairs, sizes, motions)
+    found = budget(scene, 0.2, accuracy=1e-2)
+    assert list(found) == ["corners"]
+    assert found["corners"].tolerance == pytest.approx(0.05, rel=1e-2)
+    assert "left height -0.05" in found["corners"].advice
+    limited = budget(scene, 0.03, accuracy=1e-2)["corners"]  # the plate goes down with its post, and nothing else moves
+    assert limited.tolerance == pytest.approx(0.03, rel=1e-2)
+    assert budget(scene, 0.2, requirements=["low"], accuracy=1e-2)["low"].tolerance > 0.05

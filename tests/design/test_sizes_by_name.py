@@ -340,3 +340,35 @@ def test_the_pose_command_tells_that_it_counts_closed_contacts_which_the_motion_
     assert code == 0, said
     text = " ".join(text.split())
     assert ("counted in the pose, whose motion opens them" in text) == counted, text
+
+
+def test_the_least_interference_of_a_round_pin_was_not_proved() -> None:
+    """A pin thicker than its bore by .029 at most overlaps by half of that in the middle, and nowhere less."""
+    plate = fo.cut(fo.Box((30.0, 30.0, 8.0)), fo.Cylinder(6.0, 20.0, base=(0.0, 0.0, -10.0)), name="plate")
+    pin = fo.Cylinder(6.0, 20.0, base=(0.0, 0.0, -10.0), name="pin")
+    shank = fo.Size("shank", "movable", faces="cylinder radius 6", each=0.5, tolerance=(0.018, 0.029))
+    bore = fo.Size("bore", "static", faces="bore radius 6", each=-0.5, tolerance=(0.0, 0.018))
+    motion = fo.Translation("x") >> fo.Translation("z")
+    found = fo.best_pose(fo.Problem(pin, plate, sizes=[shank, bore], motion=motion, goal="touch"))
+    assert found.value == pytest.approx(0.0145, abs=1e-7)
+    assert found.lower_bound == pytest.approx(found.value, abs=1e-7)
+    assert found.certified
+    assert fo.verify(found, proof=True)
+
+
+def test_what_takes_limits_for_a_proof_of_shifts_is_said() -> None:
+    """A saddle on its vee is as good off it: between limits that keep it there the pose is proved."""
+    ridge = fo.Prism([(-10, -10), (10, -10), (0, 0)], 40.0, axis="y", name="ridge")
+    around = [(-10, -10), (-12, -10), (-12, 8), (12, 8), (12, -10), (10, -10), (0, 0)]
+    saddle = fo.Prism(around, 40.0, axis="y", name="saddle")
+    rows = [k for k, n in enumerate(ridge.face_planes[0], 1) if 0.5 < abs(n[0]) < 0.9]
+    flanks = [fo.Size(f"flank {k}", "static", faces=f"F{k}", tolerance=(0.0, 0.02)) for k in rows]
+    motion = fo.Translation("x") >> fo.Translation("z")
+    asked = fo.Problem(saddle, ridge, sizes=flanks, motion=motion, goal="touch")
+    found = fo.best_pose(asked)
+    assert found.value == pytest.approx(0.01, abs=1e-7)
+    assert not found.certified
+    assert "no bound proved: that takes limits" in str(found)
+    near = fo.best_pose(asked.changed(limits=dict.fromkeys(("TX", "TZ"), (-1.0, 1.0))))
+    assert (near.value, near.lower_bound) == pytest.approx((0.01, 0.01), abs=1e-6)
+    assert near.certified

@@ -173,9 +173,9 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         assert isinstance(problem, Problem)
         assert self.transform is not None
         by_names = self.least.names != SCALES
-        drawn = problem.request if by_names else vars(problem)
+        movable, static = (problem.at_scales if by_names else problem.bodies_made).values()
         return GapClaims(
-            bodies=(drawn["movable"], drawn["static"]),
+            bodies=(movable, static),
             sizes=problem.sizes if by_names else (),
             transform=self.transform,
             least=(ends[0], self.least.rho),
@@ -227,7 +227,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         }.get(self.status, ("off the window by", "no pose by"))
         bound = f"proved: {others} less than {measured(floored(self.lower_bound, 6), self.unit)}"
         limits = [own.limits for own in self.problem.coordinates] if self.problem is not None else []
-        open_ended = self.status == UNDECIDED and not np.isfinite(limits).all()
+        of_shifts = self.problem is not None and self.problem.shifts and not (self.contacts or self.on_true_faces)
+        open_ended = (self.status == UNDECIDED or of_shifts) and not np.isfinite(limits).all()
         unproved = "no bound proved" + ": that takes limits" * open_ended
         known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else unproved
         slack = self.problem.contact_slack if self.problem is not None else 0.0
@@ -433,6 +434,13 @@ def _of_gap(
         effort = most * proves * exact
     if true is None:
         return found._replace(bound=min(found.value, 0.0), done=False), None
+    if exact and most and not proves and found.status == BEST:
+        # bodies within the true ones overlap by no more than these do: by how much they do at least is a bound
+        apart = Worst.of(problem, scales, window[0], np.inf, true)
+        apart.leave_out_permanent(opened)
+        other, proves = best(apart, effort=most), True
+        done = other.done and found.value - other.bound <= problem.contact_slack
+        found = found._replace(bound=max(other.bound, 0.0), done=done, search=other.search)
     worst_of = partial(Worst.of, problem, scales, *window, true)
     return _on_true_faces(worst_of, opened, found, true, proved=bool(exact and proves and most)), true
 

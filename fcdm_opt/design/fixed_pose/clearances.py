@@ -9,7 +9,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.curve.true_sizes import touching_true_faces
 from fcdm_opt.design.contact_gaps import ContactGaps, by_contacts
 from fcdm_opt.design.fixed_pose.scene import BodyGaps, Extreme, ScaleGaps, Scales
 from fcdm_opt.design.sizes import (
@@ -23,7 +22,7 @@ from fcdm_opt.design.sizes import (
     proportion_interval,
 )
 from fcdm_opt.design.stack.spread import draws
-from fcdm_opt.design.stack.stack_up import StackUp
+from fcdm_opt.design.stack.stack_up import stack_up
 from fcdm_opt.errors import expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import rigid_transform
@@ -188,7 +187,8 @@ def clearances(
     box : ((low_1, high_1), (low_2, high_2)), optional
         Of the range; default the problem's tolerance, nominal * (1 - minus) to nominal * (1 + plus), or all that
         `sizes` may be where it has none. A problem with sizes of its own and no such tolerance is asked about these,
-        distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges.
+        distributed as they say; its gap is then that of `stack_up`, the largest separation along a face or two edges,
+        of parts at the scales made.
         Of an assembly (low, high), the scales of all its parts.
     pose : mapping of parameter name to number, sequence of parameters, or (4, 4) array, optional
         Where body 1 is: parameters of the problem's motion (length units, radians), or a rigid transform. Default: at
@@ -264,10 +264,9 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
 
 def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:
     """Return the gaps of a problem's own sizes, as its stack-up tells them."""
-    transform, bodies = transform_of(problem, pose), (problem.request["movable"], problem.request["static"])
-    touching = touching_true_faces(*bodies, problem.sizes, transform=transform, permanent=False)
-    stack, (pairs, source) = StackUp(touching, (-np.inf, np.inf), problem.unit), drawn(touching.box)
-    names, worst = tuple(stack.names), stack.worst()
+    stack = stack_up(problem, pose=(transform := transform_of(problem, pose)))
+    touching, names, worst = stack.touching, tuple(stack.names), stack.worst()
+    pairs, source = drawn(touching.box)
 
     def end(gap: float, at: Mapping[str, float]) -> EndOfRange:
         own, row = touching.governing(rho := np.array([*at.values()]))

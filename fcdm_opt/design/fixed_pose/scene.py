@@ -275,7 +275,7 @@ def _no_more(values: Array) -> float:
 
 
 class OwnSizes(SizedBodies):
-    """Two bodies as drawn, with their own sizes; the rows at an orientation are those of all shifts about it.
+    """Two bodies at the scales made, with their own sizes; the rows at an orientation are those of all shifts about it.
 
     Where the movable body does not turn, `places`, (3, 2), are its least and largest shift that is asked about. With
     `true` the bodies are exact at its points, and pins have rows all around their bores, see `TrueSizes.all_around`.
@@ -375,7 +375,8 @@ BodyGaps = Scales | OwnSizes
 def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
     """Return bodies made exact at points of round faces, for scales or, without, own sizes; None if none is known."""
     if sizes is None:
-        found = TrueSizes.of(problem.request["movable"], problem.request["static"], problem.sizes)
+        movable, static = problem.at_scales.values()
+        found = TrueSizes.of(movable, static, problem.sizes)
     else:
         found = true_scales(problem.of_facets.movable, problem.of_facets.static, sizes)
     if found is not None:

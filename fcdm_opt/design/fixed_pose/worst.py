@@ -85,8 +85,7 @@ class Worst:
             bodies = (problem.movable, problem.static) if true is None else true.bodies
             scaled = Scales(*bodies, sizes, apart=() if true is None else true.apart())
             return cls(problem, scaled, low, high, keep_out=near)
-        motion, request = problem.motion, problem.request
-        movable, static = (request["movable"], request["static"]) if true is None else true.bodies
+        motion, (movable, static) = problem.motion, problem.at_scales.values() if true is None else true.bodies
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
         ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
         straight = np.array([direction is not None for direction in motion.shift_directions])
@@ -363,8 +362,8 @@ def _between(
     places: Array | None = None,
 ) -> BodyGaps:  # fmt: skip
     """Return the gap of two parts over all their sizes, or of the movable one and a `body` whose scales it has."""
-    drawn = relation.request if own else vars(relation)
-    one, two = drawn["movable"], drawn["static"] if body is None else body
+    bodies = relation.at_scales if own else relation.bodies_made
+    one, two = bodies["movable"], bodies["static"] if body is None else body
     mine = tuple(size for size in relation.sizes if own and (body is None or size.body == "movable"))
     if mine:
         return OwnSizes(one, two, mine, places)

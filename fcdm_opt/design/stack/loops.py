@@ -59,9 +59,9 @@ def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[],
     check_sizes(sizes)
     if contacts is not None and by_contacts(problem, named=False):
         return contacts()
-    drawn = problem.request["movable"], problem.request["static"]
+    movable, static = problem.at_scales.values()
     try:
-        return touching_true_faces(*drawn, sizes, permanent=False, **how)
+        return touching_true_faces(movable, static, sizes, permanent=False, **how)
     except ChangedShapeError:
         with suppress(InputError):
             if contacts is not None:
@@ -82,21 +82,13 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
-    The assembly has sizes, each with a tolerance; its parts count as drawn. The gap is that of the two parts that `of`
-    names, by default those of the only contact of goal "clear", or without one those of the only contact that sizes
-    open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError` where
-    motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
+    The assembly has sizes, each with a tolerance; its parts count at the scales made. The gap is that of the two parts
+    that `of` names, by default those of the only contact of goal "clear", or without one those of the only contact that
+    sizes open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError`
+    where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
-    check_sizes(assembly.sizes)
-    if not assembly.shifts:
-        what = "loops of contacts are linear in the sizes where motions only shift, and one of these turns"
-        raise InputError(what, key="motions", found=list(assembly.motions), allowed="translations")
-    names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
-    gaps, rest = ContactGaps(assembly, Sizes(box), names, own=True), np.zeros(len(assembly.coordinates))
-    base = gaps.rows(gaps.transforms(rest))
-    slopes = np.column_stack([gaps.rows(gaps.transforms(q)).values[:, 0] for q in np.eye(len(rest))])
-    slopes -= base.values[:, :1]
-    relations = relations_of(assembly)
+    gaps, base, slopes = _rows_of_motions(assembly)
+    box, relations = gaps.sizes.box, relations_of(assembly)
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
 
     def opened(chosen: int, times: Array | float = 1.0) -> tuple[Array, Array]:
@@ -139,13 +131,41 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
     still = tuple(own for k in range(len(asked)) if k != chosen for own in _claims(gaps, k, motions, assembly.sizes))
-    times = np.arange(1.0, len(rest) + 1.0, dtype=np.float64)  # any weights but the ones asked for
+    times = np.arange(1.0, slopes.shape[1] + 1.0)  # any weights but the ones asked for
     off = opened(chosen, times)[0] - motions
     along = relation.motion.ways(relation.movable.seed, relation.static.seed)
     gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
     return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes, pair, chosen >= 0)
+
+
+def decisive(assembly: Assembly, places: Array) -> Array:
+    """Return those of some sizes, (n, k), that decide whether parts fit, and how far they move, all contacts closed.
+
+    Each two parts that are to be clear have their least gap at one of them, of several that with the largest motion,
+    and at one the motion is the largest. Raises `InputError` as `assembly_loop`.
+    """
+    gaps, base, slopes = _rows_of_motions(assembly)
+    motions = _closed(assembly, 1.0, base.values, slopes, gaps.sizes.box)
+    weights = np.array([own.weight for own in assembly.coordinates])
+    amounts = np.linalg.norm(weights * (motions[:, 0] + places @ motions[:, 1:].T), axis=1)
+    least = [assembly_loop(assembly, own).touching.gap(places) for own in assembly.kept_clear]
+    near = [np.flatnonzero(own <= own.min() + DEFAULT.tie * assembly.size) for own in (*least, -amounts)]
+    return places[sorted({int(own[amounts[own].argmax()]) for own in near})]
+
+
+def _rows_of_motions(assembly: Assembly) -> tuple[ContactGaps, AffineGaps, Array]:
+    """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
+    check_sizes(assembly.sizes)
+    if not assembly.shifts:
+        what = "loops of contacts are linear in the sizes where motions only shift, and one of these turns"
+        raise InputError(what, key="motions", found=list(assembly.motions), allowed="translations")
+    names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
+    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True), len(assembly.coordinates)
+    base = gaps.rows(gaps.transforms(np.zeros(count)))
+    each = [gaps.rows(gaps.transforms(q)).values[:, 0] - base.values[:, 0] for q in np.eye(count)]
+    return gaps, base, np.column_stack(each)
 
 
 def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:

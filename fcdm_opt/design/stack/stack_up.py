@@ -52,7 +52,7 @@ class StackRow(Plain):
     parts : (int, int)
         Which part pair it is of: the gap is the largest of a pair's rows, least over pairs.
     gap : float
-        As drawn, length units.
+        With all sizes as drawn, length units.
     coefficients : mapping of size name to float
         Gap a unit of each size.
     """
@@ -507,7 +507,8 @@ def stack_up(
     Parameters
     ----------
     problem : Problem or Assembly
-        With sizes, each with a tolerance. Its bodies count as drawn, whatever it says is made.
+        With sizes, each with a tolerance. Its bodies count at the scales made, and all sizes within their tolerances,
+        whatever it says is made: the gap at sizes is that of parts made so and then scaled.
     limits : (float, float), optional
         Least and largest gap that will do; default the clearance of the problem, or of the two parts, and infinity; any
         gap of a contact of an assembly that motions close.

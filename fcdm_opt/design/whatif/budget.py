@@ -22,6 +22,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.design.sizes import by_name, not_counted, tolerance_boxes
+from fcdm_opt.design.stack.loops import decisive
 from fcdm_opt.design.whatif.fitting import Order, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments, known_word
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -282,8 +283,9 @@ def budget(
     requirements : "all", or sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest), "corners" (each at either end, in every combination, of
-        up to 8 sizes); default of two to four sizes "corners", else "worst" and "loosest", as where the motion of
-        "worst" clears all, and of surfaces, of scales that turn faces and of assemblies "low" and "high". Of the
+        up to 8 sizes); default of two to four sizes "corners", of up to 8 of an assembly whose motions only shift, of
+        which those are solved that decide by the rows of `stack_up`; else "worst" and "loosest", as where the motion of
+        "worst" clears all, and of surfaces, of scales that turn faces and of other assemblies "low" and "high". Of the
         scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
         default "made", of parts as drawn the two others.
     largest : float, optional
@@ -327,7 +329,9 @@ def budget(
         allowed = "a tolerance > 0" if own else "a tolerance > 0 and < 1"
         largest = arguments.real(largest, "largest", allowed, lambda x: x > 0 and (own or x < 1))
     shape = frozen(shape)
-    if own and requirements is None and 1 < len(shape) <= FEW:
+    if own and isinstance(problem, Assembly) and problem.shifts and 1 < len(shape) <= MANY:
+        usual = CORNERS[-1:]
+    elif own and requirements is None and 1 < len(shape) <= FEW:
         worst = _Tolerances(problem, "worst", shape, limit, largest, accuracy)
         with suppress(pacing.TimeOverError):
             usual = usual if usual == CORNERS[:2] and worst.has_most_material else CORNERS[-1:]
@@ -453,7 +457,16 @@ class _Tolerances:
             return None
         sizes = tuple(self.sizes(self.largest))
         own = (tuple(size for size in sizes if size.body == role) for role in ROLES)
-        return _touching(*map(fit_for_sizes, (self.problem.request[role] for role in ROLES), own), sizes)
+        return _touching(*map(fit_for_sizes, self.problem.at_scales.values(), own), sizes)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Each size at either end, in every combination, (n, k); of many of an assembly those that decide, if known."""
+        every = np.array([*product(*map(sorted, map(set, self.shape.tolist())))])
+        with suppress(InputError):
+            if len(every) > 2**FEW and isinstance(scene := self.asked(self.largest, {}), Assembly):
+                return decisive(scene, self.largest * every) / self.largest
+        return every
 
     def sizes(self, tau: float) -> list[Size]:
         """Return the sizes with this tolerance."""
@@ -463,11 +476,10 @@ class _Tolerances:
     def made(self, tau: float) -> list[Any]:
         """Return what is made at a tolerance, at one corner or at all: deviations of sizes, or the corner's name."""
         if self.letter == "corners":
-            ends = product(*map(sorted, map(set, (tau * self.shape).tolist())))
-            return [dict(zip(self.names, made, strict=True)) for made in ends]
+            return [dict(zip(self.names, made, strict=True)) for made in (tau * self.corners).tolist()]
         if not self.names or isinstance(self.problem, Assembly):
             return [self.letter]
-        sizes, (one, two) = self.sizes(tau), (self.problem.request[role] for role in ROLES)
+        sizes, (one, two) = self.sizes(tau), self.problem.at_scales.values()
         return [made_at(one, two, sizes, self.letter, self.touching and replace(self.touching, sizes=tuple(sizes)))]
 
     @cached_property

@@ -70,7 +70,9 @@ def size_rows(scene: Scene) -> list[dict[str, Any]]:
         if np.isnan(size.position(body)):
             drawn, now = (dimensions_text(x, noise) for x in (size.dimensions(body), scene.dimensions_at(size, {})))
         else:
-            drawn, now = (f"at {number(size.position(body, x), PLACES, noise)}" for x in ({}, made))
+            datum, scale = float(body.seed @ size.along), scene.scales_made[size.body]
+            place, moved = (size.position(body, x) for x in ({}, made))
+            drawn, now = (f"at {number(x, PLACES, noise)}" for x in (place, datum + scale * (moved - datum)))
         low, high = (NONE, NONE) if ends is None else (size.deviation_text(end, "") for end in ends)
         rows.append({
             "name": size.name, "body": body.name or size.body, "what": _moved(size, body), "low": low, "high": high,
