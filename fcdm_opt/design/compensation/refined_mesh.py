@@ -149,13 +149,20 @@ class RefinedMesh(SizeMesh):
     def _edge(self, ends: Ends) -> Asking[None]:
         p, q = (self.vertices[k] for k in ends)
         edge, sets = self.edges[ends], [one for one in p.values if one in q.values]
+        places = 0.5 * (p.place + q.place), 0.75 * p.place + 0.25 * q.place
+        samples = yield list(places)
+        shares = np.array([[0.5, 0.5], [0.75, 0.25]])
+        edge.kink = self._off(shares @ [p.some, q.some], samples, places)
+        if not sets and self._within(edge.kink):
+            return
         if not sets:
-            yield from self._changing(ends, edge, p, q)
+            yield from self._changing(ends, edge, p, q, samples)
+            return
+        if len(sets) > 1 and self._continuous(edge, p, q, sets, samples, places[1]):
+            edge.split = MeshVertex(places[0], {one: samples[0].values for one in sets})
             return
         if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]))):
             return
-        places = 0.5 * (p.place + q.place), 0.75 * p.place + 0.25 * q.place
-        samples = yield list(places)
         both: list[Values] = []
         for place, sample in zip(places, samples, strict=True):
             beside = dict([sample])
@@ -173,6 +180,35 @@ class RefinedMesh(SizeMesh):
                 edge.off[one] = self._apart(there, quarter[one], places[1])
         edge.split = MeshVertex(places[0], middle)
 
+    def _continuous(
+        self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: Sequence[ActiveSet], samples: Sequence[Sample], place: Array
+    ) -> bool:
+        """Tell whether motions are the same on both sides of an edge, and what is between its ends is known."""
+        middle, quarter = (sample.values for sample in samples)
+        steps = [self._apart(own.values[sets[0]], own.values[one], own.place) for own in (p, q) for one in sets[1:]]
+        there = _at_quarter(p.values[sets[0]], middle, q.values[sets[0]])
+        off = self._off([there], samples[1:], [place])
+        held = all(sample.held in sets for sample in samples) or self._within(edge.kink)
+        if not held or not self._within(np.max([*steps, SAFETY * off], axis=0)):
+            return False
+        edge.middle, edge.off = dict.fromkeys(sets, middle), dict.fromkeys(sets, off)
+        return True
+
+    def _alike(self, one: Array, two: Array, place: Array) -> bool:
+        """Tell whether two motions are the same, to a share of the error that is allowed."""
+        return bool(np.isfinite([one[0], two[0]]).all()) and self._within(self._apart(one, two, place))
+
+    def _within(self, off: Array) -> bool:
+        """Tell whether motions that differ by so much are the same, to a share of the error that is allowed."""
+        return bool(off.max() <= max(LARGER * self.error, self._rounding))
+
+    def _off(self, values: Sequence[Array] | Array, samples: Sequence[Sample], places: Sequence[Array]) -> Array:
+        """Return the most by which motions differ from samples; infinite where one of them is none."""
+        pairs = list(zip(values, samples, places, strict=True))
+        if not np.isfinite([[one[0], sample.values[0]] for one, sample, _ in pairs]).all():
+            return np.full(2, np.inf)
+        return np.max([self._apart(one, sample.values, place) for one, sample, place in pairs], axis=0)
+
     def _beside(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
         """Return the active sets on either side of a place, continued to it; its own where none holds for a stretch.
 
@@ -187,12 +223,15 @@ class RefinedMesh(SizeMesh):
         }
         return beside or dict([sample])
 
-    def _changing(self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[None]:
+    def _changing(
+        self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex, between: Sequence[Sample]
+    ) -> Asking[None]:
         """Split an edge where the active set changes; where that is at an end, the end gets the one beyond it, too."""
         if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
-        samples = [Sample(*list(vertex.values.items())[-1]) for vertex in (p, q)]
-        change = yield from changeover(p.place, q.place, samples, self._walls)
+        here, there = (Sample(*list(vertex.values.items())[-1]) for vertex in (p, q))
+        known = [(0.0, here), (0.25, between[1]), (0.5, between[0]), (1.0, there)]
+        change = yield from changeover(p.place, q.place, known, self._walls, self._alike)
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
             if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
@@ -236,7 +275,8 @@ class RefinedMesh(SizeMesh):
         samples = yield [start, end]
         if samples[0].held == samples[1].held:
             return None
-        return (yield from changeover(start, end, samples, self._walls))
+        known = list(zip((0.0, 1.0), samples, strict=True))
+        return (yield from changeover(start, end, known, self._walls, self._alike))
 
     def _along(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Asking[bool]:
         """Look at an edge along a boundary of two regions; tell whether it is one."""
@@ -289,7 +329,8 @@ class RefinedMesh(SizeMesh):
             start, end = place - reach * line, place + reach * line
             samples = yield [start, end]
             if {sample.held for sample in samples} == set(sets):
-                change = yield from changeover(start, end, samples, self._walls)
+                known = list(zip((0.0, 1.0), samples, strict=True))
+                change = yield from changeover(start, end, known, self._walls, self._alike)
                 return (end - start, change) if set(change.sets) == set(sets) else None
             reach *= WIDER
         return None
@@ -319,11 +360,14 @@ class RefinedMesh(SizeMesh):
         sets = [one for one in corners[0] if all(one in values for values in corners[1:])]
         centre = self.places(simplex).mean(axis=0)
         (sample,) = yield [centre]
+        edges = [self.edges[ends] for ends in simplex.edges]
+        exact = sample.held in sets and all(sample.held in edge.middle for edge in edges)
+        if not exact and self._interpolated(simplex, edges, sample, centre):
+            return
         if sample.held not in sets:
             beside = yield from self._beside(centre, sample, self._axes)
             held = next((one for one in beside if one in sets), None) or next(iter(beside))
             sample = Sample(held, beside[held])
-        edges = [self.edges[ends] for ends in simplex.edges]
         least = self.size(simplex) <= SHORTEST
         if sample.held not in sets:
             if not self._mixed(simplex, sample, last or least):
@@ -371,35 +415,45 @@ class RefinedMesh(SizeMesh):
             k = int(np.argmax(lengths))
             edges[k].must = bool(lengths[k] > SHORTEST)
 
+    def _interpolated(self, simplex: Simplex, edges: Sequence[MeshEdge], sample: Sample, centre: Array) -> bool:
+        """Finish a simplex in which regions meet if what its corners say of motions in it is good enough."""
+        # where motions are convex functions of the sizes, or concave ones, they are off by no more than their number of
+        # corners times what they are off in the centre: a part of it is a copy of the whole about the centre
+        ends = np.array([self.vertices[k].some for k in simplex.corners])
+        kinks = [edge.kink for edge in edges]
+        off = np.max([*kinks, self._off([ends.mean(axis=0)], [sample], [centre])], axis=0)
+        errors = len(ends) * off + self._rounding
+        if errors.max() > self.error:
+            return False
+        simplex.held, simplex.values, simplex.errors, simplex.finished = sample.held, nodes_of(ends), errors, True
+        return True
+
     def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
-        """Finish a simplex in which regions meet if its values differ little, or if it must be."""
-        # one that must, and has motions in some places and none in others, is undecided, unless it is but a speck
+        """Finish a simplex in which regions meet if no sizes have a motion, or if it must be: undecided, or a speck."""
         around = [Sample(*one) for k in simplex.corners for one in self.vertices[k].values.items()]
         if must:  # what is known on its edges counts, too
             splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
             around += [Sample(*one) for split in splits for one in split.values.items()]
         moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
-        if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in simplex.edges)):
+        if not must and (moving or any(self.edges[ends].must for ends in simplex.edges)):
             return False
-        centre = self.places(simplex).mean(axis=0)
-        apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
-        errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
-        if not must and errors.max() > self.error:
-            return False
-        if moving and len(moving) <= len(around) and self.size(simplex) > 2.0 * SHORTEST:
+        if moving and self.size(simplex) > 2.0 * SHORTEST:
             self._leave(simplex)
             return True
+        centre = self.places(simplex).mean(axis=0)
+        apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
         if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
             sample = moving[0]
-        simplex.held, simplex.errors, simplex.finished = sample.held, errors, True
-        ends = np.array([next(iter(self.vertices[k].values.values())) for k in simplex.corners])
-        whole = np.isfinite(ends).all() and self.size(simplex) > 2.0 * SHORTEST  # cut off: better than its centre
-        simplex.values = nodes_of(ends if whole else np.tile(sample.values, (len(ends), 1)))
+        simplex.held, simplex.finished = sample.held, True
+        simplex.errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
+        simplex.values = nodes_of(np.tile(sample.values, (len(simplex.corners), 1)))
         return True
 
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
-        (sample,) = yield [vertex.place]
-        vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
+        aside = 2.0 * NARROW * np.sqrt(np.arange(1.0, 1.0 + self.sizes))
+        sample, near = yield [vertex.place, vertex.place + aside]
+        if near.held != sample.held:
+            vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex that moves."""

@@ -7,7 +7,7 @@ sizes, one active set gives way to another.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 from typing import NamedTuple
@@ -28,6 +28,7 @@ MOST_POINTS = 4  # of each side that are continued: cubics
 CLOSER = 30.0  # how much narrower a bracket becomes about a predicted crossing
 
 Point = tuple[float, Array]
+Known = tuple[float, Sample]
 
 
 class Changeover(NamedTuple):
@@ -53,26 +54,42 @@ def _curve(points: Sequence[Point]) -> KroghInterpolator:
     return KroghInterpolator(places, values)
 
 
-def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -> Asking[Changeover]:
+def changeover(
+    start: Array, end: Array, known: Sequence[Known], walls: Array, alike: Callable[[Array, Array, Array], bool]
+) -> Asking[Changeover]:
     """Find where, between two places with different active sets, that of the first ends.
 
-    The bracket is narrowed about the place where both sides' continuations agree, by thirds where they do not say.
-    Of several boundaries on the line one is found. Where parameters reach their limits, `walls`, (k, 2), a motion may
-    cease to exist.
+    The bracket is narrowed about the place where both sides' continuations agree, by thirds where they do not say, until
+    they are `alike` in all of it. Of several boundaries on the line one is found. What is `known` on the line, its ends
+    among it, is not looked at again. Where parameters reach their limits, `walls`, (k, 2), a motion may cease to exist.
     """
-    sets = [sample.held for sample in ends]
-    sides: tuple[list[Point], list[Point]] = ([(0.0, ends[0].values)], [(1.0, ends[1].values)])
+    sets = [known[0][1].held, known[-1][1].held]
+    sides: tuple[list[Point], list[Point]] = ([(0.0, known[0][1].values)], [(1.0, known[-1][1].values)])
+    points = [*known[1:-1]]
     narrow = NARROW / max(float(np.linalg.norm(end - start)), NARROW)
-    strip, missed, known = None, True, None
+    strip, missed, foreseen = None, True, None
     for _ in range(MOST_ROUNDS):
+        width = sides[1][-1][0] - sides[0][-1][0]
+        for t, (held, values) in points:
+            if not sides[0][-1][0] < t < sides[1][-1][0]:
+                continue
+            if held in sets:
+                sides[sets.index(held)].append((t, values))
+            else:  # a third one takes the place of the second
+                sides[1][:], sets[1] = [(t, values)], held
         low, high = sides[0][-1][0], sides[1][-1][0]
-        at, width = _meeting(sides, walls), high - low
+        missed, width = not points or high - low > width / 2, high - low
+        at = _meeting(sides, walls)
         if strip is not None or width <= FINEST * narrow or (width <= narrow and at is not None):
             break
+        if at is not None and min(map(len, sides)) > 1:
+            curves = [_curve(side) for side in sides]
+            if all(alike(*(curve(t) for curve in curves), start + t * (end - start)) for t in (low, high)):
+                break
         off = width / 3 if at is None or missed else max(width / CLOSER, narrow / 3)
-        if at is not None and known is not None and abs(at - known) <= narrow / 4:  # foreseen twice alike
+        if at is not None and foreseen is not None and abs(at - foreseen) <= narrow / 4:  # twice alike
             off = min(off, narrow)
-        known = at
+        foreseen = at
         middle = (low + high) / 2 if at is None or missed else at
         looks = [t for t in (middle - off / 2, middle + off / 2) if low < t < high]
         samples = yield [start + t * (end - start) for t in looks]
@@ -84,14 +101,6 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
                 if all(near.held != sample.held for near in beside):
                     points, strip = list(zip(around, beside, strict=True)), t
                     break
-        for t, (held, values) in points:
-            if not sides[0][-1][0] < t < sides[1][-1][0]:
-                continue
-            if held in sets:
-                sides[sets.index(held)].append((t, values))
-            else:  # a third one takes the place of the second
-                sides[1][:], sets[1] = [(t, values)], held
-        missed = sides[1][-1][0] - sides[0][-1][0] > width / 2
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
     one, two = (_curve(side[-2:])(at) for side in sides)
@@ -145,6 +154,11 @@ class MeshVertex:
     jumps: bool = False
     bend: float = 0.0
 
+    @property
+    def some(self) -> Array:
+        """Its values in one of its regions, any."""
+        return next(iter(self.values.values()))
+
 
 @dataclass(eq=False)
 class MeshEdge:
@@ -153,6 +167,7 @@ class MeshEdge:
     middle: Values = field(default_factory=dict)  # active set -> values in its middle
     # active set -> errors of quadratic interpolation along it, of amount and motion, (2,)
     off: Values = field(default_factory=dict)
+    kink: Array = field(default_factory=lambda: np.full(2, np.inf))  # those of linear interpolation, whatever holds
     # what both sides' values differ by in its middle, where it runs along a boundary
     step: Array = field(default_factory=lambda: np.zeros(2))
     bend: float = 0.0  # how far the boundary is off its middle
