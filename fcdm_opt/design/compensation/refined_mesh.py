@@ -31,12 +31,14 @@ from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
-COARSER = {1: 1, 2: 1, 3: 2}  # every which of them, for so many sizes; of more, and of round parts, every fourth
+COARSER = {1: 1, 2: 2, 3: 2}  # every which of them, for so many sizes; of more, and of round parts, every fourth
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
 SAFETY = 2.0  # times the errors at points that fix a cubic's part beyond the quadratic: on edges, and the centre
 SHORTEST = 2.0**-14  # of the box: edges are not split further
 ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
+CONVEX = 4.0  # times what a convex or concave function of one size is off its chord at a quarter of it: anywhere
+LONG = 0.3  # of the box: edges of which more than one place is looked at, where that says that motions are linear
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
 TOGETHER = 16  # searches side by side: those before are through when the time is over
@@ -149,19 +151,28 @@ class RefinedMesh(SizeMesh):
     def _edge(self, ends: Ends) -> Asking[None]:
         p, q = (self.vertices[k] for k in ends)
         edge, sets = self.edges[ends], [one for one in p.values if one in q.values]
-        places = 0.5 * (p.place + q.place), 0.75 * p.place + 0.25 * q.place
-        samples = yield list(places)
-        shares = np.array([[0.5, 0.5], [0.75, 0.25]])
-        edge.kink = self._off(shares @ [p.some, q.some], samples, places)
-        if not sets and self._within(edge.kink):
-            return
+        places = [0.75 * p.place + 0.25 * q.place, 0.5 * (p.place + q.place)]
+        chord = [0.75 * p.some + 0.25 * q.some, 0.5 * (p.some + q.some)]
+        samples = yield places[:1]
+        edge.kink = CONVEX * self._off(chord, samples, places)
+        same = all(self._alike(own.some, value, own.place) for own in (p, q) for value in own.values.values())
+        if same and samples[0].held in sets and self._within(edge.kink) and self.length(ends) <= LONG:
+            samples = [*samples, Sample(samples[0].held, chord[1])]
+        else:
+            samples = [*samples, *(yield places[1:])]
+            edge.kink = self._off(chord, samples, places)
+        quarter, middle = samples
+        edge.split = MeshVertex(places[1], dict([middle]))
         if not sets:
-            yield from self._changing(ends, edge, p, q, samples)
+            if not (same and self._within(edge.kink)):
+                yield from self._changing(ends, edge, p, q, samples)
             return
-        if len(sets) > 1 and self._continuous(edge, p, q, sets, samples, places[1]):
-            edge.split = MeshVertex(places[0], {one: samples[0].values for one in sets})
+        off = self._off([_at_quarter(p.some, middle.values, q.some)], samples[:1], places)
+        if same and self._within(SAFETY * off) and ({quarter.held, middle.held} <= {*sets} or self._within(edge.kink)):
+            edge.middle, edge.off = dict.fromkeys(sets, middle.values), dict.fromkeys(sets, off)
+            edge.split.values.update(edge.middle)
             return
-        if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]))):
+        if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]), samples)):
             return
         both: list[Values] = []
         for place, sample in zip(places, samples, strict=True):
@@ -172,27 +183,13 @@ class RefinedMesh(SizeMesh):
                 edge.split, edge.must = MeshVertex(place, beside), True
                 return
             both.append(beside)
-        middle, quarter = both
+        before, between = both
         for one in sets:
-            if one in middle and one in quarter:
-                edge.middle[one] = middle[one]
-                there = _at_quarter(p.values[one], middle[one], q.values[one])
-                edge.off[one] = self._apart(there, quarter[one], places[1])
-        edge.split = MeshVertex(places[0], middle)
-
-    def _continuous(
-        self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: Sequence[ActiveSet], samples: Sequence[Sample], place: Array
-    ) -> bool:
-        """Tell whether motions are the same on both sides of an edge, and what is between its ends is known."""
-        middle, quarter = (sample.values for sample in samples)
-        steps = [self._apart(own.values[sets[0]], own.values[one], own.place) for own in (p, q) for one in sets[1:]]
-        there = _at_quarter(p.values[sets[0]], middle, q.values[sets[0]])
-        off = self._off([there], samples[1:], [place])
-        held = all(sample.held in sets for sample in samples) or self._within(edge.kink)
-        if not held or not self._within(np.max([*steps, SAFETY * off], axis=0)):
-            return False
-        edge.middle, edge.off = dict.fromkeys(sets, middle), dict.fromkeys(sets, off)
-        return True
+            if one in before and one in between:
+                edge.middle[one] = between[one]
+                there = _at_quarter(p.values[one], between[one], q.values[one])
+                edge.off[one] = self._apart(there, before[one], places[0])
+        edge.split = MeshVertex(places[1], between)
 
     def _alike(self, one: Array, two: Array, place: Array) -> bool:
         """Tell whether two motions are the same, to a share of the error that is allowed."""
@@ -204,7 +201,7 @@ class RefinedMesh(SizeMesh):
 
     def _off(self, values: Sequence[Array] | Array, samples: Sequence[Sample], places: Sequence[Array]) -> Array:
         """Return the most by which motions differ from samples; infinite where one of them is none."""
-        pairs = list(zip(values, samples, places, strict=True))
+        pairs = list(zip(values, samples, places, strict=False))
         if not np.isfinite([[one[0], sample.values[0]] for one, sample, _ in pairs]).all():
             return np.full(2, np.inf)
         return np.max([self._apart(one, sample.values, place) for one, sample, place in pairs], axis=0)
@@ -230,7 +227,7 @@ class RefinedMesh(SizeMesh):
         if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
         here, there = (Sample(*list(vertex.values.items())[-1]) for vertex in (p, q))
-        known = [(0.0, here), (0.25, between[1]), (0.5, between[0]), (1.0, there)]
+        known = [(0.0, here), (0.25, between[0]), (0.5, between[1]), (1.0, there)]
         change = yield from changeover(p.place, q.place, known, self._walls, self._alike)
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
@@ -278,14 +275,16 @@ class RefinedMesh(SizeMesh):
         known = list(zip((0.0, 1.0), samples, strict=True))
         return (yield from changeover(start, end, known, self._walls, self._alike))
 
-    def _along(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Asking[bool]:
+    def _along(
+        self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet], samples: Sequence[Sample]
+    ) -> Asking[bool]:
         """Look at an edge along a boundary of two regions; tell whether it is one."""
         line, lines = self._line_across(p, q, sets), []
         if line is None:
             return False
-        for share in (0.5, 0.25):
+        for share, sample in zip((0.5, 0.25), samples[::-1], strict=True):
             place = (1.0 - share) * p.place + share * q.place
-            across = yield from self._crossing(place, line, sets)
+            across = yield from self._crossing(place, line, sets, sample)
             if across is None:
                 return False
             lines.append((place, *across))
@@ -321,9 +320,13 @@ class RefinedMesh(SizeMesh):
         return None if not normals else length * (whole / size if size > NARROW else normals[0])
 
     def _crossing(
-        self, place: Array, line: Array, sets: tuple[ActiveSet, ActiveSet]
+        self, place: Array, line: Array, sets: tuple[ActiveSet, ActiveSet], sample: Sample
     ) -> Asking[tuple[Array, Changeover] | None]:
         """Find the boundary on a line through a place, which is the middle of what is looked at of it."""
+        beside = yield from self._beside(place, sample, [line / float(np.linalg.norm(line))])
+        if {*beside} == {*sets}:
+            one, two = (beside[own] for own in sets)
+            return line, Changeover(0.5, sets, (one, two), ([(0.5, one)], [(0.5, two)]))
         reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(line)))
         while reach <= FURTHEST:
             start, end = place - reach * line, place + reach * line
@@ -371,7 +374,11 @@ class RefinedMesh(SizeMesh):
         least = self.size(simplex) <= SHORTEST
         if sample.held not in sets:
             if not self._mixed(simplex, sample, last or least):
-                simplex.split = MeshVertex(centre, {})
+                unlike = [edge for edge in edges if edge.split is not None and not edge.middle]
+                for edge in unlike:
+                    edge.must = True
+                if not unlike:
+                    simplex.split = MeshVertex(centre, {})
             return
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
@@ -399,7 +406,8 @@ class RefinedMesh(SizeMesh):
         # jumps are in the strips of `finished`
         costs = np.array([SAFETY * edge.off[held] + STRIP * edge.step * float(not edge.jumps) for edge in edges])
         costs = np.nan_to_num(costs)
-        simplex.errors = costs.sum(axis=0) + SAFETY * inside + self._rounding
+        steps = np.max([self.vertices[k].step * float(not self.vertices[k].jumps) for k in simplex.corners], axis=0)
+        simplex.errors = costs.sum(axis=0) + steps + SAFETY * inside + self._rounding
         if not last:
             self._mark(simplex, edges, costs.max(axis=1))
         simplex.finished = not any(edge.must for edge in edges)
