@@ -224,9 +224,16 @@ class RefinedMesh(SizeMesh):
         self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex, between: Sequence[Sample]
     ) -> Asking[None]:
         """Split an edge where the active set changes; where that is at an end, the end gets the one beyond it, too."""
-        if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
+        jump = any(
+            not self._within(self._apart(own.some, value, own.place)) for own in (p, q) for value in own.values.values()
+        )
+        if jump and min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
-        here, there = (Sample(*list(vertex.values.items())[-1]) for vertex in (p, q))
+        sets = [
+            near.held if near.held in own.values else next(reversed(own.values))
+            for own, near in zip((p, q), between, strict=True)
+        ]
+        here, there = (Sample(one, own.values[one]) for one, own in zip(sets, (p, q), strict=True))
         known = [(0.0, here), (0.25, between[0]), (0.5, between[1]), (1.0, there)]
         change = yield from changeover(p.place, q.place, known, self._walls, self._alike)
         length = float(np.linalg.norm(q.place - p.place))

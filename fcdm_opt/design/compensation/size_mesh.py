@@ -25,6 +25,7 @@ NARROW = 1e-5  # of the box: brackets are closed to this, then both sides' conti
 FINEST = 1e-4  # times that, where they do not meet
 MOST_ROUNDS = 60
 MOST_POINTS = 4  # of each side that are continued: cubics
+MISSED = 0.6  # of a bracket: what is left of it is longer where continuations misled
 CLOSER = 30.0  # how much narrower a bracket becomes about a predicted crossing
 
 Point = tuple[float, Array]
@@ -78,9 +79,9 @@ def changeover(
             else:  # a third one takes the place of the second
                 sides[1][:], sets[1] = [(t, values)], held
         low, high = sides[0][-1][0], sides[1][-1][0]
-        missed, width = not points or high - low > width / 2, high - low
+        missed, width = not points or high - low > MISSED * width, high - low
         at = _meeting(sides, walls)
-        if strip is not None or width <= FINEST * narrow or (width <= narrow and at is not None):
+        if strip is not None or width <= narrow:
             break
         if at is not None and min(map(len, sides)) > 1:
             curves = [_curve(side) for side in sides]
@@ -91,7 +92,8 @@ def changeover(
             off = min(off, narrow)
         foreseen = at
         middle = (low + high) / 2 if at is None or missed else at
-        looks = [t for t in (middle - off / 2, middle + off / 2) if low < t < high]
+        about = (middle - off / 2, middle + off / 2) if at is not None or width > 0.5 else (middle,)
+        looks = [t for t in about if low < t < high]
         samples = yield [start + t * (end - start) for t in looks]
         points = list(zip(looks, samples, strict=True))
         for t, sample in points:
