@@ -155,7 +155,9 @@ class RefinedMesh(SizeMesh):
         chord = [0.75 * p.some + 0.25 * q.some, 0.5 * (p.some + q.some)]
         samples = yield places[:1]
         edge.kink = CONVEX * self._off(chord, samples, places)
-        same = all(self._alike(own.some, value, own.place) for own in (p, q) for value in own.values.values())
+        same = all(
+            self._alike(own.some, own.values[one], own.place) for own in (p, q) for one in sets or own.values
+        )
         if same and samples[0].held in sets and self._within(edge.kink) and self.length(ends) <= LONG:
             samples = [*samples, Sample(samples[0].held, chord[1])]
         else:
@@ -172,7 +174,8 @@ class RefinedMesh(SizeMesh):
             edge.middle, edge.off = dict.fromkeys(sets, middle.values), dict.fromkeys(sets, off)
             edge.split.values.update(edge.middle)
             return
-        if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]), samples)):
+        sides = sorted(combinations(sets, 2), key=lambda two: self._apart(*map(p.values.get, two), p.place).max())
+        if sides and (yield from self._along(edge, p, q, sides[-1], samples)):
             return
         both: list[Values] = []
         for place, sample in zip(places, samples, strict=True):
@@ -467,6 +470,7 @@ class RefinedMesh(SizeMesh):
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
         aside = 2.0 * NARROW * np.sqrt(np.arange(1.0, 1.0 + self.sizes))
         sample, near = yield [vertex.place, vertex.place + aside]
+        vertex.values = dict([sample])
         if near.held != sample.held:
             vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
 

@@ -70,6 +70,13 @@ def changeover(
     narrow = NARROW / max(float(np.linalg.norm(end - start)), NARROW)
     strip, missed, foreseen = None, True, None
     for _ in range(MOST_ROUNDS):
+        for t, sample in points:
+            if sample.held not in sets:  # a region, or but the strip in which both sides hold within rounding
+                around = t - 2.0 * narrow, t + 2.0 * narrow
+                beside = yield [start + place * (end - start) for place in around]
+                if all(near.held != sample.held for near in beside):
+                    points, strip = list(zip(around, beside, strict=True)), t
+                    break
         width = sides[1][-1][0] - sides[0][-1][0]
         for t, (held, values) in points:
             if not sides[0][-1][0] < t < sides[1][-1][0]:
@@ -96,13 +103,6 @@ def changeover(
         looks = [t for t in about if low < t < high]
         samples = yield [start + t * (end - start) for t in looks]
         points = list(zip(looks, samples, strict=True))
-        for t, sample in points:
-            if sample.held not in sets:  # a region, or but the strip in which both sides hold within rounding
-                around = t - 2.0 * narrow, t + 2.0 * narrow
-                beside = yield [start + place * (end - start) for place in around]
-                if all(near.held != sample.held for near in beside):
-                    points, strip = list(zip(around, beside, strict=True)), t
-                    break
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
     one, two = (_curve(side[-2:])(at) for side in sides)
@@ -158,8 +158,8 @@ class MeshVertex:
 
     @property
     def some(self) -> Array:
-        """Its values in one of its regions, any."""
-        return next(iter(self.values.values()))
+        """Its values in one of its regions, a motion where there is one."""
+        return max(self.values.values(), key=lambda own: bool(np.isfinite(own[0])))
 
 
 @dataclass(eq=False)
