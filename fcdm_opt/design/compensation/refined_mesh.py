@@ -186,6 +186,7 @@ class RefinedMesh(SizeMesh):
                 edge.split, edge.must = MeshVertex(place, beside), True
                 return
             both.append(beside)
+        edge.kink = self._off(chord, [Sample(UNDECIDED, MeshVertex(*own).some) for own in zip(places, both)], places)
         before, between = both
         for one in sets:
             if one in before and one in between:
@@ -384,11 +385,7 @@ class RefinedMesh(SizeMesh):
         least = self.size(simplex) <= SHORTEST
         if sample.held not in sets:
             if not self._mixed(simplex, sample, last or least):
-                unlike = [edge for edge in edges if edge.split is not None and not edge.middle]
-                for edge in unlike:
-                    edge.must = True
-                if not unlike:
-                    simplex.split = MeshVertex(centre, {})
+                self._halve(simplex, [not edge.middle or not self._within(edge.kink) for edge in edges])
             return
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
@@ -430,8 +427,13 @@ class RefinedMesh(SizeMesh):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))
         if coarse and not any(edge.must for edge in edges):
-            k = int(np.argmax(lengths))
-            edges[k].must = bool(lengths[k] > SHORTEST)
+            self._halve(simplex)
+
+    def _halve(self, simplex: Simplex, which: Sequence[bool] = ()) -> None:
+        """Mark the longest edge of a simplex to be split, of `which` where there are any."""
+        lengths = self.lengths(simplex)
+        longest = int(np.argmax(lengths * (np.array(which) if any(which) else 1.0)))
+        self.edges[simplex.edges[longest]].must = bool(lengths[longest] > SHORTEST)
 
     def _interpolated(self, simplex: Simplex, edges: Sequence[MeshEdge], sample: Sample, centre: Array) -> bool:
         """Finish a simplex in which regions meet if what its corners say of motions in it is good enough."""
