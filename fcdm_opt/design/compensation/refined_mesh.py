@@ -82,8 +82,6 @@ class RefinedMesh(SizeMesh):
             self._judge(waiting, last=wave == WAVES - 1)
             if self.sampler.late:
                 break
-            fresh = [one.split for one in self.simplices if one.split is not None and not one.finished]
-            self._run([self._fill(vertex) for vertex in fresh])
             later, made = self._held_back(), self.made
             for edge in later:
                 edge.must = False

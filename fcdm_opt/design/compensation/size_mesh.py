@@ -189,7 +189,6 @@ class Simplex:
     held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
     errors: Array = field(default_factory=lambda: np.zeros(2))
-    split: MeshVertex | None = None
     finished: bool = False
 
     @property
@@ -277,16 +276,13 @@ class SizeMesh:
         return len(faults) == max(len(facet) * (len(facet) - 1) // 2, 1) and all(own.jumps for own in faults)
 
     def subdivide(self) -> None:
-        """Split the simplices whose edges are to be split, all about an edge alike, and those split within."""
+        """Split the simplices whose edges are to be split, all about an edge alike."""
         self._straighten()
         pieces: list[Simplex] = []
         for simplex in self.simplices:
             cuts = self._cuts(simplex)
             if cuts:
                 pieces += [Simplex(corners) for corners in self._pieces(simplex.corners, cuts)]
-            elif simplex.split is not None and not simplex.finished:
-                k = self._numbered(simplex.split)
-                pieces += [Simplex(_instead(simplex.corners, own, k)) for own in simplex.corners]
             else:
                 pieces.append(simplex)
         least, self.made = FLAT**self.sizes, self.made + len(pieces) - len(self.simplices)
