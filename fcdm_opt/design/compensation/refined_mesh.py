@@ -380,30 +380,16 @@ class RefinedMesh(SizeMesh):
             beside = yield from self._beside(centre, sample, self._axes)
             held = next((one for one in beside if one in sets), None) or next(iter(beside))
             sample = Sample(held, beside[held])
-        least = self.size(simplex) <= SHORTEST
-        if sample.held not in sets:
-            if not self._mixed(simplex, sample, last or least):
-                self._halve(simplex, [not edge.middle or not self._within(edge.kink) for edge in edges])
-            return
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
-            if held in edge.middle:
-                continue
-            p, q = (self.vertices[k] for k in ends)
-            straight, place = (p.values[held] + q.values[held]) / 2.0, (p.place + q.place) / 2.0
-            alike = [
-                edge.off[one] for one, own in edge.middle.items()
-                if np.isfinite([straight[0], own[0]]).all()
-                and self._apart(straight, own, place).max() <= self._rounding
-            ]  # fmt: skip
-            if self.length(ends) <= SHORTEST or alike:  # not split, or a border along which motions are the same
-                edge.middle[held], edge.off[held] = straight, (alike or [np.zeros(2)])[0]
-        missing = [edge for edge in edges if held not in edge.middle]
-        if missing:
-            if last or least:
-                self._mixed(simplex, sample, True)
-            for edge in missing:
-                edge.must = not last and edge.split is not None
+            if held in sets and held not in edge.middle and self.length(ends) <= SHORTEST:  # not split
+                p, q = (self.vertices[k] for k in ends)
+                edge.middle[held], edge.off[held] = (p.values[held] + q.values[held]) / 2.0, np.zeros(2)
+        missing = [held not in edge.middle for edge in edges]
+        if held not in sets or any(missing):
+            if not self._mixed(simplex, sample, last or self.size(simplex) <= SHORTEST):
+                kinked = [not self._within(edge.kink) for edge in edges]
+                self._halve(simplex, missing if held in sets else kinked)
             return
         simplex.values = np.array([*(values[held] for values in corners), *(edge.middle[held] for edge in edges)])
         middle = quadratic_basis(np.full((len(corners), 1), 1.0 / len(corners)))[:, 0]
@@ -412,7 +398,7 @@ class RefinedMesh(SizeMesh):
         costs = np.array([SAFETY * edge.off[held] + STRIP * edge.step * float(not edge.jumps) for edge in edges])
         costs = np.nan_to_num(costs)
         steps = np.max([self.vertices[k].step * float(not self.vertices[k].jumps) for k in simplex.corners], axis=0)
-        simplex.errors = costs.sum(axis=0) + steps + SAFETY * inside + self._rounding
+        simplex.errors = costs.sum(axis=0) + SAFETY * (steps + inside) + self._rounding
         if not last:
             self._mark(simplex, edges, costs.max(axis=1))
         simplex.finished = not any(edge.must for edge in edges)
@@ -448,20 +434,19 @@ class RefinedMesh(SizeMesh):
 
     def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
         """Finish a simplex in which regions meet if no sizes have a motion, or if it must be: undecided, or a speck."""
-        around = [Sample(*one) for k in simplex.corners for one in self.vertices[k].values.items()]
-        if must:  # what is known on its edges counts, too
-            splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
-            around += [Sample(*one) for split in splits for one in split.values.items()]
-        moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
-        if not must and (moving or any(self.edges[ends].must for ends in simplex.edges)):
+        splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
+        around = [*(self.vertices[k] for k in simplex.corners), *splits]
+        moving = [one for own in around for one in own.values.items() if np.isfinite(one[1][0])]
+        moving += [sample] * bool(np.isfinite(sample.values[0]))
+        if moving and not must:
             return False
         if moving and self.size(simplex) > 2.0 * SHORTEST:
             self._leave(simplex)
             return True
         centre = self.places(simplex).mean(axis=0)
-        apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
+        apart = [self._apart(one[1], two[1], centre) for one, two in combinations(moving, 2)]
         if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
-            sample = moving[0]
+            sample = Sample(*moving[0])
         simplex.held, simplex.finished = sample.held, True
         simplex.errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
         simplex.values = nodes_of(np.tile(sample.values, (len(simplex.corners), 1)))
