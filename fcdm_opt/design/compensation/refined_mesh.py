@@ -429,7 +429,9 @@ class RefinedMesh(SizeMesh):
         errors = len(ends) * off + self._rounding
         if errors.max() > self.error:
             return False
-        simplex.held, simplex.values, simplex.errors, simplex.finished = sample.held, nodes_of(ends), errors, True
+        held = Counter([sample.held, *(one for k in simplex.corners for one in 2 * [*self.vertices[k].values])])
+        simplex.held = max(held, key=held.__getitem__)
+        simplex.values, simplex.errors, simplex.finished = nodes_of(ends), errors, True
         return True
 
     def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
