@@ -303,8 +303,10 @@ def test_a_map_that_was_cut_off_counted_what_it_did_not_resolve_as_failed(monkey
         assert told.interval[0] <= (short <= min(budget, limit)).mean() <= told.interval[1]
         assert np.isnan(told.contributions[0].share_without) <= (told.undecided > 0.0)
     kinds = {region.kind for region in found.regions}
-    assert ("undecided" in kinds) == (found.undecided > 0.0) == (
-        "undecided" in str(found) or "nothing is known" in str(found)
+    assert (
+        ("undecided" in kinds)
+        == (found.undecided > 0.0)
+        == ("undecided" in str(found) or "nothing is known" in str(found))
     )
     assert found.undecided == pytest.approx(at.undecided.mean(), abs=0.05)
     assert (count >= 26) <= (found.undecided < 1.0)

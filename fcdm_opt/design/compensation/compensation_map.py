@@ -219,7 +219,8 @@ class CompensationMap(Plain, NotebookRepr):
         reached = measured(self.reached, self.unit, 3)
         if not math.isfinite(self.reached):
             sizes, unknown = np.abs(volumes(self.table.corners)), np.isnan(self.table.errors).any(axis=1)
-            reached = f"not known of {sizes[unknown].sum() / sizes.sum():.0%} of the box"
+            share = sizes[unknown].sum() / sizes.sum()
+            reached = f"not known of {f'{share:.0%}' if share > 0.005 else 'less than 1%'} of the box"
         asked = measured(self.error, self.unit, 3)
         return f"{reached} (asked for {': '.join(filter(None, (asked, self.stopped)))})"
 

@@ -7,7 +7,7 @@ it; any is halved where quadratic interpolation along it is too coarse. What the
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -35,7 +35,7 @@ COARSER = {1: 1, 2: 2, 3: 2}  # every which of them, for so many sizes; of more,
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
 SAFETY = 2.0  # times the errors at points that fix a cubic's part beyond the quadratic: on edges, and the centre
 SHORTEST = 2.0**-14  # of the box: edges are not split further
-ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
+ACROSS = 2.0**-8, 0.0234, 0.14  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
 CONVEX = 4.0  # times what a convex or concave function of one size is off its chord at a quarter of it: anywhere
 LONG = 0.3  # of the box: edges of which more than one place is looked at, where that says that motions are linear
@@ -131,10 +131,6 @@ class RefinedMesh(SizeMesh):
         """Look at the edges that have not been looked at, as far as the time does."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
         new = sorted([ends for ends in new if all(self.vertices[k].values for k in ends)], key=self._dear)
-        self._around: dict[Ends, set[int]] = {}
-        for simplex in self.simplices if self.sizes > 2 else ():
-            for ends in simplex.edges:
-                self._around.setdefault(ends, set()).update({*simplex.corners} - {*ends})
         self.edges.update({ends: MeshEdge() for ends in new})
         for ends, ended in zip(new, self._run([self._edge(ends) for ends in new]), strict=True):
             if not ended:
@@ -152,63 +148,67 @@ class RefinedMesh(SizeMesh):
         places = [0.75 * p.place + 0.25 * q.place, 0.5 * (p.place + q.place)]
         chord = [0.75 * p.some + 0.25 * q.some, 0.5 * (p.some + q.some)]
         samples = yield places[:1]
-        edge.kink = CONVEX * self._off(chord, samples, places)
-        same = all(
-            self._alike(own.some, own.values[one], own.place) for own in (p, q) for one in sets or own.values
-        )
+        edge.kink = CONVEX * self._off(chord, [samples[0].values], places)
+        same = all(self._alike(own.some, own.values[one], own.place) for own in (p, q) for one in sets or own.values)
         if same and samples[0].held in sets and self._within(edge.kink) and self.length(ends) <= LONG:
             samples = [*samples, Sample(samples[0].held, chord[1])]
         else:
             samples = [*samples, *(yield places[1:])]
-            edge.kink = self._off(chord, samples, places)
+            edge.kink = self._off(chord, [sample.values for sample in samples], places)
         quarter, middle = samples
         edge.split = MeshVertex(places[1], dict([middle]))
         if not sets:
             if not (same and self._within(edge.kink)):
                 yield from self._changing(ends, edge, p, q, samples)
             return
-        off = self._off([_at_quarter(p.some, middle.values, q.some)], samples[:1], places)
+        off = self._off([_at_quarter(p.some, middle.values, q.some)], [quarter.values], places)
         if same and self._within(SAFETY * off) and ({quarter.held, middle.held} <= {*sets} or self._within(edge.kink)):
             edge.middle, edge.off = dict.fromkeys(sets, middle.values), dict.fromkeys(sets, off)
             edge.split.values.update(edge.middle)
             return
-        sides = sorted(combinations(sets, 2), key=lambda two: self._apart(*map(p.values.get, two), p.place).max())
-        if sides and (yield from self._along(edge, p, q, sides[-1], samples)):
+        if len(sets) > 1 and (yield from self._along(edge, p, q, self._unlike(p, sets), samples)):
             return
-        both: list[Values] = []
+        both: list[MeshVertex] = []
         for place, sample in zip(places, samples, strict=True):
-            beside = dict([sample])
+            values = dict([sample])
             if sets != [sample.held]:
-                beside = yield from self._beside(place, sample, _across(q.place - p.place))
-            if not any(one in beside for one in sets):
-                edge.split, edge.must = MeshVertex(place, beside), True
+                values = yield from self._across(place, sample, _normals(q.place - p.place))
+            both.append(MeshVertex(place, values))
+            if values.keys().isdisjoint(sets):
+                edge.split, edge.must = both[-1], True
                 return
-            both.append(beside)
-        edge.kink = self._off(chord, [Sample(UNDECIDED, MeshVertex(*own).some) for own in zip(places, both)], places)
-        before, between = both
+        before, edge.split = both
+        edge.kink = self._off(chord, [own.some for own in both], places)
         for one in sets:
-            if one in before and one in between:
-                edge.middle[one] = between[one]
-                there = _at_quarter(p.values[one], between[one], q.values[one])
-                edge.off[one] = self._apart(there, before[one], places[0])
-        edge.split = MeshVertex(places[1], between)
+            if one in before.values and one in edge.split.values:
+                edge.middle[one] = edge.split.values[one]
+                there = _at_quarter(p.values[one], edge.middle[one], q.values[one])
+                edge.off[one] = self._apart(there, before.values[one], places[0])
+
+    def _unlike(self, vertex: MeshVertex, sets: Sequence[ActiveSet]) -> tuple[ActiveSet, ActiveSet]:
+        """Return those two of some active sets that differ most at a vertex."""
+        off = {
+            (a, b): self._apart(vertex.values[a], vertex.values[b], vertex.place).max()
+            for a, b in combinations(sets, 2)
+        }
+        return max(off, key=off.__getitem__)
 
     def _alike(self, one: Array, two: Array, place: Array) -> bool:
         """Tell whether two motions are the same, to a share of the error that is allowed."""
-        return bool(np.isfinite([one[0], two[0]]).all()) and self._within(self._apart(one, two, place))
+        return self._within(self._off([one], [two], [place]))
 
     def _within(self, off: Array) -> bool:
         """Tell whether motions that differ by so much are the same, to a share of the error that is allowed."""
         return bool(off.max() <= max(LARGER * self.error, self._rounding))
 
-    def _off(self, values: Sequence[Array] | Array, samples: Sequence[Sample], places: Sequence[Array]) -> Array:
-        """Return the most by which motions differ from samples; infinite where one of them is none."""
-        pairs = list(zip(values, samples, places, strict=False))
-        if not np.isfinite([[one[0], sample.values[0]] for one, sample, _ in pairs]).all():
+    def _off(self, values: Sequence[Array], found: Sequence[Array], places: Sequence[Array]) -> Array:
+        """Return the most by which motions differ from those found; infinite where one of them is none."""
+        triples = list(zip(values, found, places, strict=False))
+        if not np.isfinite([[one[0], two[0]] for one, two, _ in triples]).all():
             return np.full(2, np.inf)
-        return np.max([self._apart(one, sample.values, place) for one, sample, place in pairs], axis=0)
+        return np.max([self._apart(*triple) for triple in triples], axis=0)
 
-    def _beside(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
+    def _across(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
         """Return the active sets on either side of a place, continued to it; its own where none holds for a stretch.
 
         On a boundary two active sets hold at once, in a strip as narrow as rounding, which is no region.
@@ -258,7 +258,7 @@ class RefinedMesh(SizeMesh):
         """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
         places: list[Array] = []
         values: Values = {}
-        for normal, sign in product(_across(q.place - p.place)[:1], (2.0, -2.0)):
+        for normal, sign in product(_normals(q.place - p.place)[:1], (2.0, -2.0)):
             shift = sign * NARROW * normal
             change = yield from self._change(p.place + shift, q.place + shift)
             if change is not None:
@@ -276,10 +276,11 @@ class RefinedMesh(SizeMesh):
         edge.split, edge.must = MeshVertex(place, values), True
         return True
 
-    def _change(self, start: Array, end: Array) -> Asking[Changeover | None]:
-        """Find where the active set changes between two places; None where it is the same at both."""
+    def _change(self, start: Array, end: Array, sets: Collection[ActiveSet] = ()) -> Asking[Changeover | None]:
+        """Find where the active set changes between two places; None where it is the same, or not one of `sets`."""
         samples = yield [start, end]
-        if samples[0].held == samples[1].held:
+        held = {sample.held for sample in samples}
+        if len(held) == 1 or (sets and held != {*sets}):
             return None
         known = list(zip((0.0, 1.0), samples, strict=True))
         return (yield from changeover(start, end, known, self._walls, self._alike))
@@ -288,16 +289,17 @@ class RefinedMesh(SizeMesh):
         self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet], samples: Sequence[Sample]
     ) -> Asking[bool]:
         """Look at an edge along a boundary of two regions; tell whether it is one."""
-        line, lines = self._line_across(p, q, sets), []
-        if line is None:
+        normals, found = _normals(q.place - p.place), []
+        if not normals:
             return False
+        lines = [float(np.linalg.norm(q.place - p.place)) * normal for normal in normals]
         for share, sample in zip((0.5, 0.25), samples[::-1], strict=True):
             place = (1.0 - share) * p.place + share * q.place
-            across = yield from self._crossing(place, line, sets, sample)
+            across = yield from self._crossing(place, lines, sets, sample)
             if across is None:
                 return False
-            lines.append((place, *across))
-        (middle, line, here), (quarter, _, there) = lines
+            found.append((place, *across))
+        (middle, line, here), (quarter, _, there) = found
         centre = here.continued(0.5)
         for one, value in zip(here.sets, centre, strict=True):
             beside = there.continued(0.5)[there.sets.index(one)]
@@ -311,40 +313,19 @@ class RefinedMesh(SizeMesh):
         edge.straight = MeshVertex(middle, dict(edge.middle))
         return True
 
-    def _line_across(self, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Array | None:
-        """Return a vector as long as an edge, across it: from corners beside it in the first of two regions alone.
-
-        To those in the second; where there are none, any. None of one size, where nothing is beside an edge.
-        """
-        along = q.place - p.place
-        length = float(np.linalg.norm(along))
-        normals = _across(along)
-        whole = np.zeros(len(along))
-        for k in self._around.get((min(p.number, q.number), max(p.number, q.number)), ()) if len(normals) > 1 else ():
-            vertex = self.vertices[k]
-            off = sum(((vertex.place - p.place) @ normal) * normal for normal in normals)
-            away = float(np.linalg.norm(off))
-            whole += ((sets[1] in vertex.values) - (sets[0] in vertex.values)) * off / max(away, NARROW)
-        size = float(np.linalg.norm(whole))
-        return None if not normals else length * (whole / size if size > NARROW else normals[0])
-
     def _crossing(
-        self, place: Array, line: Array, sets: tuple[ActiveSet, ActiveSet], sample: Sample
+        self, place: Array, lines: Sequence[Array], sets: tuple[ActiveSet, ActiveSet], sample: Sample
     ) -> Asking[tuple[Array, Changeover] | None]:
-        """Find the boundary on a line through a place, which is the middle of what is looked at of it."""
-        beside = yield from self._beside(place, sample, [line / float(np.linalg.norm(line))])
-        if {*beside} == {*sets}:
-            one, two = (beside[own] for own in sets)
-            return line, Changeover(0.5, sets, (one, two), ([(0.5, one)], [(0.5, two)]))
-        reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(line)))
-        while reach <= FURTHEST:
-            start, end = place - reach * line, place + reach * line
-            samples = yield [start, end]
-            if {sample.held for sample in samples} == set(sets):
-                known = list(zip((0.0, 1.0), samples, strict=True))
-                change = yield from changeover(start, end, known, self._walls, self._alike)
-                return (end - start, change) if set(change.sets) == set(sets) else None
-            reach *= WIDER
+        """Find the boundary on one of some lines through a place, which is the middle of what is looked at of it."""
+        across = yield from self._across(place, sample, [line / np.linalg.norm(line) for line in lines])
+        if {*across} == {*sets}:
+            one, two = (across[own] for own in sets)
+            return lines[0], Changeover(0.5, sets, (one, two), ([(0.5, one)], [(0.5, two)]))
+        for line, off in product(lines, ACROSS):
+            shift = max(off, 3.0 * NARROW / float(np.linalg.norm(line))) * line
+            change = yield from self._change(place - shift, place + shift, sets)
+            if change is not None and {*change.sets} == {*sets}:
+                return 2.0 * shift, change
         return None
 
     def _judge(self, waiting: Sequence[Simplex], *, last: bool) -> None:
@@ -377,9 +358,9 @@ class RefinedMesh(SizeMesh):
         if not exact and self._interpolated(simplex, edges, sample, centre):
             return
         if sample.held not in sets:
-            beside = yield from self._beside(centre, sample, self._axes)
-            held = next((one for one in beside if one in sets), None) or next(iter(beside))
-            sample = Sample(held, beside[held])
+            across = yield from self._across(centre, sample, self._axes)
+            held = next((one for one in across if one in sets), None) or next(iter(across))
+            sample = Sample(held, across[held])
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
             if held in sets and held not in edge.middle and self.length(ends) <= SHORTEST:  # not split
@@ -425,7 +406,7 @@ class RefinedMesh(SizeMesh):
         # corners times what they are off in the centre: a part of it is a copy of the whole about the centre
         ends = np.array([self.vertices[k].some for k in simplex.corners])
         kinks = [edge.kink for edge in edges]
-        off = np.max([*kinks, self._off([ends.mean(axis=0)], [sample], [centre])], axis=0)
+        off = np.max([*kinks, self._off([ends.mean(axis=0)], [sample.values], [centre])], axis=0)
         errors = len(ends) * off + self._rounding
         if errors.max() > self.error:
             return False
@@ -459,7 +440,7 @@ class RefinedMesh(SizeMesh):
         sample, near = yield [vertex.place, vertex.place + aside]
         vertex.values = dict([sample])
         if near.held != sample.held:
-            vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
+            vertex.values = dict((yield from self._across(vertex.place, sample, self._axes)))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex that moves."""
@@ -474,7 +455,7 @@ class RefinedMesh(SizeMesh):
         return np.array([abs(here - there), moved])
 
 
-def _across(along: Array) -> list[Array]:
+def _normals(along: Array) -> list[Array]:
     """Return unit vectors across an edge, normal to each other: none of one size."""
     return list(np.linalg.svd(along[None])[2][1:])
 

@@ -60,9 +60,9 @@ def changeover(
 ) -> Asking[Changeover]:
     """Find where, between two places with different active sets, that of the first ends.
 
-    The bracket is narrowed about the place where both sides' continuations agree, by thirds where they do not say, until
-    they are `alike` in all of it. Of several boundaries on the line one is found. What is `known` on the line, its ends
-    among it, is not looked at again. Where parameters reach their limits, `walls`, (k, 2), a motion may cease to exist.
+    The bracket is narrowed about the place where both sides' continuations agree, halved where they do not say, until
+    they are `alike` in all of it. Of several boundaries on the line one is found. What is `known` on it, its ends too,
+    is not looked at again. Where parameters reach their limits, `walls`, (k, 2), a motion may cease to exist.
     """
     sets = [known[0][1].held, known[-1][1].held]
     sides: tuple[list[Point], list[Point]] = ([(0.0, known[0][1].values)], [(1.0, known[-1][1].values)])
@@ -91,8 +91,8 @@ def changeover(
         if strip is not None or width <= narrow:
             break
         if at is not None and min(map(len, sides)) > 1:
-            curves = [_curve(side) for side in sides]
-            if all(alike(*(curve(t) for curve in curves), start + t * (end - start)) for t in (low, high)):
+            one, two = (_curve(side) for side in sides)
+            if all(alike(one(t), two(t), start + t * (end - start)) for t in (low, high)):
                 break
         off = width / 3 if at is None or missed else max(width / CLOSER, narrow / 3)
         if at is not None and foreseen is not None and abs(at - foreseen) <= narrow / 4:  # twice alike
@@ -105,8 +105,8 @@ def changeover(
         points = list(zip(looks, samples, strict=True))
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
-    one, two = (_curve(side[-2:])(at) for side in sides)
-    return Changeover(float(at), (sets[0], sets[1]), (one, two), sides)
+    values = _curve(sides[0][-2:])(at), _curve(sides[1][-2:])(at)
+    return Changeover(float(at), (sets[0], sets[1]), values, sides)
 
 
 def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | None:
