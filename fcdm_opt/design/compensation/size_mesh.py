@@ -105,8 +105,8 @@ def changeover(
         points = list(zip(looks, samples, strict=True))
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
-    values = _curve(sides[0][-2:])(at), _curve(sides[1][-2:])(at)
-    return Changeover(float(at), (sets[0], sets[1]), values, sides)
+    found = _curve(sides[0][-2:])(at), _curve(sides[1][-2:])(at)
+    return Changeover(float(at), (sets[0], sets[1]), found, sides)
 
 
 def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | None:
