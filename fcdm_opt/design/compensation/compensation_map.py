@@ -286,7 +286,8 @@ def compensation_map(
         Number of sizes to be solved for, about; when it is spent the map tells what error it reached.
     seconds : float
         The same of the time; what was reached by then depends on the machine. Sizes of which it is not known by then
-        whether there is a motion, or which of several, are a region "undecided"; errors of amounts that were not looked at are nan.
+        whether there is a motion, or which of several, are a region "undecided"; errors of amounts that were not looked
+        at are nan.
     jobs : int
         Processes; more than one pays from about a thousand solves on.
 
