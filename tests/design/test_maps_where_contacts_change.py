@@ -96,3 +96,19 @@ def test_a_kinked_amount_took_657_solves() -> None:
     assert found.solved <= 200
     assert found.reached <= 1e-3
     assert excesses("one direction", found).max() <= 0.0
+
+
+def test_a_map_over_three_sizes_with_kinks_was_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A division by the length of an edge between two corners in one place."""
+
+    def off(px: float, py: float, w: float) -> Sample:
+        motion = excess(px, 0.02 - w / 2), excess(py, 0.02)
+        return sample([f"{name} {shift > 0}" for name, shift in zip("xy", motion, strict=True) if shift], *motion)
+
+    monkeypatch.setattr(sampling, "sample_at", lambda _, made, over: off(*made))
+    found = fo.compensation_map(scene("clear").changed(sizes=(X, Y, WIDTH)), error=5e-3, seconds=1e9)
+    sizes = np.random.default_rng(0).uniform(*found.box.T, (2000, 3))
+    at = found.at(*sizes.T)
+    least = np.array([off(*own).values[0] for own in sizes.tolist()])
+    assert found.reached <= 5e-3
+    assert (np.abs(at.amount - least) <= at.error).all()

@@ -292,7 +292,7 @@ class RefinedMesh(SizeMesh):
         normals, found = _normals(q.place - p.place), []
         if not normals:
             return False
-        lines = [float(np.linalg.norm(q.place - p.place)) * normal for normal in normals]
+        lines = [max(float(np.linalg.norm(q.place - p.place)), NARROW) * normal for normal in normals]
         for share, sample in zip((0.5, 0.25), samples[::-1], strict=True):
             place = (1.0 - share) * p.place + share * q.place
             across = yield from self._crossing(place, lines, sets, sample)
