@@ -1,7 +1,8 @@
 """Refines a mesh until the motion is known to within an error everywhere.
 
-An edge whose ends have no active set in common is split where the active set changes; one along a boundary is bent to
-it; any is halved where quadratic interpolation along it is too coarse. What the time does not do for is undecided.
+An edge whose ends have no active set in common is split where the active set changes, unless motions along it are
+linear to within the error whatever holds them; one along a boundary where the motion jumps is bent to it; any is halved
+where quadratic interpolation along it is too coarse. What the time does not do for is undecided.
 """
 
 from __future__ import annotations
