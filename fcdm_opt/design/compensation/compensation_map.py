@@ -126,7 +126,7 @@ class CompensationMap(Plain, NotebookRepr):
 
     @property
     def undecided(self) -> float:
-        """Share of the box of which the time did not tell whether there is a motion."""
+        """Share of the box of which the time did not tell whether there is a motion, or which of several."""
         return sum(region.share for region in self.regions if region.kind == UNDECIDED.kind)
 
     @property
@@ -219,7 +219,8 @@ class CompensationMap(Plain, NotebookRepr):
         reached = measured(self.reached, self.unit, 3)
         if not math.isfinite(self.reached):
             sizes, unknown = np.abs(volumes(self.table.corners)), np.isnan(self.table.errors).any(axis=1)
-            reached = f"not known of {sizes[unknown].sum() / sizes.sum():.0%} of the box"
+            share = sizes[unknown].sum() / sizes.sum()
+            reached = f"not known of {f'{share:.0%}' if share > 0.005 else 'less than 1%'} of the box"
         asked = measured(self.error, self.unit, 3)
         return f"{reached} (asked for {': '.join(filter(None, (asked, self.stopped)))})"
 
@@ -285,7 +286,8 @@ def compensation_map(
         Number of sizes to be solved for, about; when it is spent the map tells what error it reached.
     seconds : float
         The same of the time; what was reached by then depends on the machine. Sizes of which it is not known by then
-        whether there is a motion are a region "undecided"; errors of amounts that were not looked at are nan.
+        whether there is a motion, or which of several, are a region "undecided"; errors of amounts that were not looked
+        at are nan.
     jobs : int
         Processes; more than one pays from about a thousand solves on.
 

@@ -1,13 +1,14 @@
 """Refines a mesh until the motion is known to within an error everywhere.
 
-An edge whose ends have no active set in common is split where the active set changes; one along a boundary is bent to
-it; any is halved where quadratic interpolation along it is too coarse. What the time does not do for is undecided.
+An edge whose ends have no active set in common is split where the active set changes, unless motions along it are
+linear to within the error whatever holds them; one along a boundary where the motion jumps is bent to it; any is halved
+where quadratic interpolation along it is too coarse. What the time does not do for is undecided.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -31,12 +32,14 @@ from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.tolerances import DEFAULT
 
 GRID = (0.0, 0.2573, 0.5091, 0.7537, 1.0)  # of the first vertices: off the middle, where boundaries like to be
-COARSER = {1: 1, 2: 1, 3: 2}  # every which of them, for so many sizes; of more, and of round parts, every fourth
+COARSER = {1: 1, 2: 2, 3: 2}  # every which of them, for so many sizes; of more, and of round parts, every fourth
 SHARE = 1e-4  # of the largest amount: error that is asked for by default
 SAFETY = 2.0  # times the errors at points that fix a cubic's part beyond the quadratic: on edges, and the centre
 SHORTEST = 2.0**-14  # of the box: edges are not split further
-ACROSS, WIDER, FURTHEST = 2.0**-8, 6.0, 0.3  # of an edge: how far off it its boundary is looked for
+ACROSS = 2.0**-8, 0.0234, 0.14  # of an edge: how far off it its boundary is looked for
 STRAIGHT = 1e-6  # of the box: a boundary at which the motion jumps is followed this closely
+CONVEX = 4.0  # times what a convex or concave function of one size is off its chord at a quarter of it: anywhere
+LONG = 0.3  # of the box: edges of which more than one place is looked at, where that says that motions are linear
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
 TOGETHER = 16  # searches side by side: those before are through when the time is over
@@ -80,8 +83,6 @@ class RefinedMesh(SizeMesh):
             self._judge(waiting, last=wave == WAVES - 1)
             if self.sampler.late:
                 break
-            fresh = [one.split for one in self.simplices if one.split is not None and not one.finished]
-            self._run([self._fill(vertex) for vertex in fresh])
             later, made = self._held_back(), self.made
             for edge in later:
                 edge.must = False
@@ -131,10 +132,6 @@ class RefinedMesh(SizeMesh):
         """Look at the edges that have not been looked at, as far as the time does."""
         new = [ends for ends in dict.fromkeys(e for one in waiting for e in one.edges) if ends not in self.edges]
         new = sorted([ends for ends in new if all(self.vertices[k].values for k in ends)], key=self._dear)
-        self._around: dict[Ends, set[int]] = {}
-        for simplex in self.simplices if self.sizes > 2 else ():
-            for ends in simplex.edges:
-                self._around.setdefault(ends, set()).update({*simplex.corners} - {*ends})
         self.edges.update({ends: MeshEdge() for ends in new})
         for ends, ended in zip(new, self._run([self._edge(ends) for ends in new]), strict=True):
             if not ended:
@@ -149,31 +146,70 @@ class RefinedMesh(SizeMesh):
     def _edge(self, ends: Ends) -> Asking[None]:
         p, q = (self.vertices[k] for k in ends)
         edge, sets = self.edges[ends], [one for one in p.values if one in q.values]
+        places = [0.75 * p.place + 0.25 * q.place, 0.5 * (p.place + q.place)]
+        chord = [0.75 * p.some + 0.25 * q.some, 0.5 * (p.some + q.some)]
+        samples = yield places[:1]
+        edge.kink = CONVEX * self._off(chord, [samples[0].values], places)
+        same = all(self._alike(own.some, own.values[one], own.place) for own in (p, q) for one in sets or own.values)
+        if same and samples[0].held in sets and self._within(edge.kink) and self.length(ends) <= LONG:
+            samples = [*samples, Sample(samples[0].held, chord[1])]
+        else:
+            samples = [*samples, *(yield places[1:])]
+            edge.kink = self._off(chord, [sample.values for sample in samples], places)
+        quarter, middle = samples
+        edge.split = MeshVertex(places[1], dict([middle]))
         if not sets:
-            yield from self._changing(ends, edge, p, q)
+            if not (same and self._within(edge.kink)):
+                yield from self._changing(ends, edge, p, q, samples)
             return
-        if len(sets) > 1 and (yield from self._along(edge, p, q, (sets[0], sets[1]))):
+        off = self._off([_at_quarter(p.some, middle.values, q.some)], [quarter.values], places)
+        if same and self._within(SAFETY * off) and ({quarter.held, middle.held} <= {*sets} or self._within(edge.kink)):
+            edge.middle, edge.off = dict.fromkeys(sets, middle.values), dict.fromkeys(sets, off)
+            edge.split.values.update(edge.middle)
             return
-        places = 0.5 * (p.place + q.place), 0.75 * p.place + 0.25 * q.place
-        samples = yield list(places)
-        both: list[Values] = []
+        if len(sets) > 1 and (yield from self._along(edge, p, q, self._unlike(p, sets), samples)):
+            return
+        both: list[MeshVertex] = []
         for place, sample in zip(places, samples, strict=True):
-            beside = dict([sample])
+            values = dict([sample])
             if sets != [sample.held]:
-                beside = yield from self._beside(place, sample, _across(q.place - p.place))
-            if not any(one in beside for one in sets):
-                edge.split, edge.must = MeshVertex(place, beside), True
+                values = yield from self._across(place, sample, _normals(q.place - p.place))
+            both.append(MeshVertex(place, values))
+            if values.keys().isdisjoint(sets):
+                edge.split, edge.must = both[-1], True
                 return
-            both.append(beside)
-        middle, quarter = both
+        before, edge.split = both
+        edge.kink = self._off(chord, [own.some for own in both], places)
         for one in sets:
-            if one in middle and one in quarter:
-                edge.middle[one] = middle[one]
-                there = _at_quarter(p.values[one], middle[one], q.values[one])
-                edge.off[one] = self._apart(there, quarter[one], places[1])
-        edge.split = MeshVertex(places[0], middle)
+            if one in before.values and one in edge.split.values:
+                edge.middle[one] = edge.split.values[one]
+                there = _at_quarter(p.values[one], edge.middle[one], q.values[one])
+                edge.off[one] = self._apart(there, before.values[one], places[0])
 
-    def _beside(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
+    def _unlike(self, vertex: MeshVertex, sets: Sequence[ActiveSet]) -> tuple[ActiveSet, ActiveSet]:
+        """Return those two of some active sets that differ most at a vertex."""
+        off = {
+            (a, b): self._apart(vertex.values[a], vertex.values[b], vertex.place).max()
+            for a, b in combinations(sets, 2)
+        }
+        return max(off, key=off.__getitem__)
+
+    def _alike(self, one: Array, two: Array, place: Array) -> bool:
+        """Tell whether two motions are the same, to a share of the error that is allowed."""
+        return self._within(self._off([one], [two], [place]))
+
+    def _within(self, off: Array) -> bool:
+        """Tell whether motions that differ by so much are the same, to a share of the error that is allowed."""
+        return bool(off.max() <= max(LARGER * self.error, self._rounding))
+
+    def _off(self, values: Sequence[Array], found: Sequence[Array], places: Sequence[Array]) -> Array:
+        """Return the most by which motions differ from those found; infinite where one of them is none."""
+        triples = list(zip(values, found, places, strict=False))
+        if not np.isfinite([[one[0], two[0]] for one, two, _ in triples]).all():
+            return np.full(2, np.inf)
+        return np.max([self._apart(*triple) for triple in triples], axis=0)
+
+    def _across(self, place: Array, sample: Sample, directions: Sequence[Array]) -> Asking[Values]:
         """Return the active sets on either side of a place, continued to it; its own where none holds for a stretch.
 
         On a boundary two active sets hold at once, in a strip as narrow as rounding, which is no region.
@@ -187,12 +223,22 @@ class RefinedMesh(SizeMesh):
         }
         return beside or dict([sample])
 
-    def _changing(self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex) -> Asking[None]:
+    def _changing(
+        self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex, between: Sequence[Sample]
+    ) -> Asking[None]:
         """Split an edge where the active set changes; where that is at an end, the end gets the one beyond it, too."""
-        if min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
+        jump = any(
+            not self._within(self._apart(own.some, value, own.place)) for own in (p, q) for value in own.values.values()
+        )
+        if jump and min(len(p.values), len(q.values)) > 1 and (yield from self._across_both(edge, p, q)):
             return
-        samples = [Sample(*list(vertex.values.items())[-1]) for vertex in (p, q)]
-        change = yield from changeover(p.place, q.place, samples, self._walls)
+        sets = [
+            near.held if near.held in own.values else next(reversed(own.values))
+            for own, near in zip((p, q), between, strict=True)
+        ]
+        here, there = (Sample(one, own.values[one]) for one, own in zip(sets, (p, q), strict=True))
+        known = [(0.0, here), (0.25, between[0]), (0.5, between[1]), (1.0, there)]
+        change = yield from changeover(p.place, q.place, known, self._walls, self._alike)
         length = float(np.linalg.norm(q.place - p.place))
         for off, vertex, side in ((change.at, p, 1), (1.0 - change.at, q, 0)):
             if off * length <= SHORTEST / 4 and change.sets[side] not in vertex.values:
@@ -213,7 +259,7 @@ class RefinedMesh(SizeMesh):
         """Split an edge along a boundary where others cross that: they are looked for on both sides of it."""
         places: list[Array] = []
         values: Values = {}
-        for normal, sign in product(_across(q.place - p.place)[:1], (2.0, -2.0)):
+        for normal, sign in product(_normals(q.place - p.place)[:1], (2.0, -2.0)):
             shift = sign * NARROW * normal
             change = yield from self._change(p.place + shift, q.place + shift)
             if change is not None:
@@ -231,25 +277,30 @@ class RefinedMesh(SizeMesh):
         edge.split, edge.must = MeshVertex(place, values), True
         return True
 
-    def _change(self, start: Array, end: Array) -> Asking[Changeover | None]:
-        """Find where the active set changes between two places; None where it is the same at both."""
+    def _change(self, start: Array, end: Array, sets: Collection[ActiveSet] = ()) -> Asking[Changeover | None]:
+        """Find where the active set changes between two places; None where it is the same, or not one of `sets`."""
         samples = yield [start, end]
-        if samples[0].held == samples[1].held:
+        held = {sample.held for sample in samples}
+        if len(held) == 1 or (sets and held != {*sets}):
             return None
-        return (yield from changeover(start, end, samples, self._walls))
+        known = list(zip((0.0, 1.0), samples, strict=True))
+        return (yield from changeover(start, end, known, self._walls, self._alike))
 
-    def _along(self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Asking[bool]:
+    def _along(
+        self, edge: MeshEdge, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet], samples: Sequence[Sample]
+    ) -> Asking[bool]:
         """Look at an edge along a boundary of two regions; tell whether it is one."""
-        line, lines = self._line_across(p, q, sets), []
-        if line is None:
+        normals, found = _normals(q.place - p.place), []
+        if not normals:
             return False
-        for share in (0.5, 0.25):
+        lines = [max(float(np.linalg.norm(q.place - p.place)), NARROW) * normal for normal in normals]
+        for share, sample in zip((0.5, 0.25), samples[::-1], strict=True):
             place = (1.0 - share) * p.place + share * q.place
-            across = yield from self._crossing(place, line, sets)
+            across = yield from self._crossing(place, lines, sets, sample)
             if across is None:
                 return False
-            lines.append((place, *across))
-        (middle, line, here), (quarter, _, there) = lines
+            found.append((place, *across))
+        (middle, line, here), (quarter, _, there) = found
         centre = here.continued(0.5)
         for one, value in zip(here.sets, centre, strict=True):
             beside = there.continued(0.5)[there.sets.index(one)]
@@ -263,35 +314,19 @@ class RefinedMesh(SizeMesh):
         edge.straight = MeshVertex(middle, dict(edge.middle))
         return True
 
-    def _line_across(self, p: MeshVertex, q: MeshVertex, sets: tuple[ActiveSet, ActiveSet]) -> Array | None:
-        """Return a vector as long as an edge, across it: from corners beside it in the first of two regions alone.
-
-        To those in the second; where there are none, any. None of one size, where nothing is beside an edge.
-        """
-        along = q.place - p.place
-        length = float(np.linalg.norm(along))
-        normals = _across(along)
-        whole = np.zeros(len(along))
-        for k in self._around.get((min(p.number, q.number), max(p.number, q.number)), ()) if len(normals) > 1 else ():
-            vertex = self.vertices[k]
-            off = sum(((vertex.place - p.place) @ normal) * normal for normal in normals)
-            away = float(np.linalg.norm(off))
-            whole += ((sets[1] in vertex.values) - (sets[0] in vertex.values)) * off / max(away, NARROW)
-        size = float(np.linalg.norm(whole))
-        return None if not normals else length * (whole / size if size > NARROW else normals[0])
-
     def _crossing(
-        self, place: Array, line: Array, sets: tuple[ActiveSet, ActiveSet]
+        self, place: Array, lines: Sequence[Array], sets: tuple[ActiveSet, ActiveSet], sample: Sample
     ) -> Asking[tuple[Array, Changeover] | None]:
-        """Find the boundary on a line through a place, which is the middle of what is looked at of it."""
-        reach = max(ACROSS, 3.0 * NARROW / float(np.linalg.norm(line)))
-        while reach <= FURTHEST:
-            start, end = place - reach * line, place + reach * line
-            samples = yield [start, end]
-            if {sample.held for sample in samples} == set(sets):
-                change = yield from changeover(start, end, samples, self._walls)
-                return (end - start, change) if set(change.sets) == set(sets) else None
-            reach *= WIDER
+        """Find the boundary on one of some lines through a place, which is the middle of what is looked at of it."""
+        across = yield from self._across(place, sample, [line / np.linalg.norm(line) for line in lines])
+        if {*across} == {*sets}:
+            one, two = (across[own] for own in sets)
+            return lines[0], Changeover(0.5, sets, (one, two), ([(0.5, one)], [(0.5, two)]))
+        for line, off in product(lines, ACROSS):
+            shift = max(off, 3.0 * NARROW / float(np.linalg.norm(line))) * line
+            change = yield from self._change(place - shift, place + shift, sets)
+            if change is not None and {*change.sets} == {*sets}:
+                return 2.0 * shift, change
         return None
 
     def _judge(self, waiting: Sequence[Simplex], *, last: bool) -> None:
@@ -319,35 +354,24 @@ class RefinedMesh(SizeMesh):
         sets = [one for one in corners[0] if all(one in values for values in corners[1:])]
         centre = self.places(simplex).mean(axis=0)
         (sample,) = yield [centre]
-        if sample.held not in sets:
-            beside = yield from self._beside(centre, sample, self._axes)
-            held = next((one for one in beside if one in sets), None) or next(iter(beside))
-            sample = Sample(held, beside[held])
         edges = [self.edges[ends] for ends in simplex.edges]
-        least = self.size(simplex) <= SHORTEST
-        if sample.held not in sets:
-            if not self._mixed(simplex, sample, last or least):
-                simplex.split = MeshVertex(centre, {})
+        exact = sample.held in sets and all(sample.held in edge.middle for edge in edges)
+        if not exact and self._interpolated(simplex, edges, sample, centre):
             return
+        if sample.held not in sets:
+            across = yield from self._across(centre, sample, self._axes)
+            held = next((one for one in across if one in sets), None) or next(iter(across))
+            sample = Sample(held, across[held])
         held = simplex.held = sample.held
         for ends, edge in zip(simplex.edges, edges, strict=True):
-            if held in edge.middle:
-                continue
-            p, q = (self.vertices[k] for k in ends)
-            straight, place = (p.values[held] + q.values[held]) / 2.0, (p.place + q.place) / 2.0
-            alike = [
-                edge.off[one] for one, own in edge.middle.items()
-                if np.isfinite([straight[0], own[0]]).all()
-                and self._apart(straight, own, place).max() <= self._rounding
-            ]  # fmt: skip
-            if self.length(ends) <= SHORTEST or alike:  # not split, or a border along which motions are the same
-                edge.middle[held], edge.off[held] = straight, (alike or [np.zeros(2)])[0]
-        missing = [edge for edge in edges if held not in edge.middle]
-        if missing:
-            if last or least:
-                self._mixed(simplex, sample, True)
-            for edge in missing:
-                edge.must = not last and edge.split is not None
+            if held in sets and held not in edge.middle and self.length(ends) <= SHORTEST:  # not split
+                p, q = (self.vertices[k] for k in ends)
+                edge.middle[held], edge.off[held] = (p.values[held] + q.values[held]) / 2.0, np.zeros(2)
+        missing = [held not in edge.middle for edge in edges]
+        if held not in sets or any(missing):
+            if not self._mixed(simplex, sample, last or self.size(simplex) <= SHORTEST):
+                kinked = [not self._within(edge.kink) for edge in edges]
+                self._halve(simplex, missing if held in sets else kinked)
             return
         simplex.values = np.array([*(values[held] for values in corners), *(edge.middle[held] for edge in edges)])
         middle = quadratic_basis(np.full((len(corners), 1), 1.0 / len(corners)))[:, 0]
@@ -355,7 +379,8 @@ class RefinedMesh(SizeMesh):
         # jumps are in the strips of `finished`
         costs = np.array([SAFETY * edge.off[held] + STRIP * edge.step * float(not edge.jumps) for edge in edges])
         costs = np.nan_to_num(costs)
-        simplex.errors = costs.sum(axis=0) + SAFETY * inside + self._rounding
+        steps = np.max([self.vertices[k].step * float(not self.vertices[k].jumps) for k in simplex.corners], axis=0)
+        simplex.errors = costs.sum(axis=0) + SAFETY * (steps + inside) + self._rounding
         if not last:
             self._mark(simplex, edges, costs.max(axis=1))
         simplex.finished = not any(edge.must for edge in edges)
@@ -368,38 +393,55 @@ class RefinedMesh(SizeMesh):
             bent = edge.jumps and edge.bend > STRAIGHT
             edge.must |= bool(length > SHORTEST and (bent or (coarse and cost > LARGER * self.error)))
         if coarse and not any(edge.must for edge in edges):
-            k = int(np.argmax(lengths))
-            edges[k].must = bool(lengths[k] > SHORTEST)
+            self._halve(simplex)
+
+    def _halve(self, simplex: Simplex, which: Sequence[bool] = ()) -> None:
+        """Mark the longest edge of a simplex to be split, of `which` where there are any."""
+        lengths = self.lengths(simplex)
+        longest = int(np.argmax(lengths * (np.array(which) if any(which) else 1.0)))
+        self.edges[simplex.edges[longest]].must = bool(lengths[longest] > SHORTEST)
+
+    def _interpolated(self, simplex: Simplex, edges: Sequence[MeshEdge], sample: Sample, centre: Array) -> bool:
+        """Finish a simplex in which regions meet if what its corners say of motions in it is good enough."""
+        # where motions are convex functions of the sizes, or concave ones, they are off by no more than their number of
+        # corners times what they are off in the centre: a part of it is a copy of the whole about the centre
+        ends = np.array([self.vertices[k].some for k in simplex.corners])
+        kinks = [edge.kink for edge in edges]
+        off = np.max([*kinks, self._off([ends.mean(axis=0)], [sample.values], [centre])], axis=0)
+        errors = len(ends) * off + self._rounding
+        if errors.max() > self.error:
+            return False
+        held = Counter([sample.held, *(one for k in simplex.corners for one in 2 * [*self.vertices[k].values])])
+        simplex.held = max(held, key=held.__getitem__)
+        simplex.values, simplex.errors, simplex.finished = nodes_of(ends), errors, True
+        return True
 
     def _mixed(self, simplex: Simplex, sample: Sample, must: bool) -> bool:
-        """Finish a simplex in which regions meet if its values differ little, or if it must be."""
-        # one that must, and has motions in some places and none in others, is undecided, unless it is but a speck
-        around = [Sample(*one) for k in simplex.corners for one in self.vertices[k].values.items()]
-        if must:  # what is known on its edges counts, too
-            splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
-            around += [Sample(*one) for split in splits for one in split.values.items()]
-        moving = [one for one in (*around, sample) if np.isfinite(one.values[0])]
-        if not must and (len(moving) <= len(around) or any(self.edges[ends].must for ends in simplex.edges)):
+        """Finish a simplex in which regions meet if no sizes have a motion, or if it must be: undecided, or a speck."""
+        splits = [edge.split for ends in simplex.edges if (edge := self.edges.get(ends)) and edge.split]
+        around = [*(self.vertices[k] for k in simplex.corners), *splits]
+        moving = [one for own in around for one in own.values.items() if np.isfinite(one[1][0])]
+        moving += [sample] * bool(np.isfinite(sample.values[0]))
+        if moving and not must:
             return False
-        centre = self.places(simplex).mean(axis=0)
-        apart = [self._apart(one.values, two.values, centre) for one, two in combinations(moving, 2)]
-        errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
-        if not must and errors.max() > self.error:
-            return False
-        if moving and len(moving) <= len(around) and self.size(simplex) > 2.0 * SHORTEST:
+        if moving and self.size(simplex) > 2.0 * SHORTEST:
             self._leave(simplex)
             return True
+        centre = self.places(simplex).mean(axis=0)
+        apart = [self._apart(one[1], two[1], centre) for one, two in combinations(moving, 2)]
         if moving and sample.held.kind == REJECTED.kind:  # by a corner's: a speck is no region
-            sample = moving[0]
-        simplex.held, simplex.errors, simplex.finished = sample.held, errors, True
-        ends = np.array([next(iter(self.vertices[k].values.values())) for k in simplex.corners])
-        whole = np.isfinite(ends).all() and self.size(simplex) > 2.0 * SHORTEST  # cut off: better than its centre
-        simplex.values = nodes_of(ends if whole else np.tile(sample.values, (len(ends), 1)))
+            sample = Sample(*moving[0])
+        simplex.held, simplex.finished = sample.held, True
+        simplex.errors = SAFETY * np.max(apart or [np.zeros(2)], axis=0) + self._rounding
+        simplex.values = nodes_of(np.tile(sample.values, (len(simplex.corners), 1)))
         return True
 
     def _fill(self, vertex: MeshVertex) -> Asking[None]:
-        (sample,) = yield [vertex.place]
-        vertex.values = dict((yield from self._beside(vertex.place, sample, self._axes)))
+        aside = 2.0 * NARROW * np.sqrt(np.arange(1.0, 1.0 + self.sizes))
+        sample, near = yield [vertex.place, vertex.place + aside]
+        vertex.values = dict([sample])
+        if near.held != sample.held:
+            vertex.values = dict((yield from self._across(vertex.place, sample, self._axes)))
 
     def _apart(self, one: Array, two: Array, place: Array) -> Array:
         """Return by what two motions differ: in amount, and in the largest displacement of a vertex that moves."""
@@ -414,7 +456,7 @@ class RefinedMesh(SizeMesh):
         return np.array([abs(here - there), moved])
 
 
-def _across(along: Array) -> list[Array]:
+def _normals(along: Array) -> list[Array]:
     """Return unit vectors across an edge, normal to each other: none of one size."""
     return list(np.linalg.svd(along[None])[2][1:])
 

@@ -147,7 +147,7 @@ class Sampler:
     def short(self) -> str:
         """Which of budget and time is the shorter, in words; with some left what it is kept for."""
         late = self._time >= len(self.known) / self.budget
-        given = f"the time given, {pacing.given():.3g} s," if late else f"{self.budget} solves"
+        given = f"{pacing.SEARCHED:.0%} of the time given, {pacing.given():.3g} s," if late else f"{self.budget} solves"
         short = f"{given} {'is short' if late else 'are too few'}"
         return short if self.spent else f"half of {given} is for boundaries of regions alone"
 

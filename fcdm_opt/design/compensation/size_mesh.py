@@ -7,7 +7,7 @@ sizes, one active set gives way to another.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, permutations
 from typing import NamedTuple
@@ -25,9 +25,11 @@ NARROW = 1e-5  # of the box: brackets are closed to this, then both sides' conti
 FINEST = 1e-4  # times that, where they do not meet
 MOST_ROUNDS = 60
 MOST_POINTS = 4  # of each side that are continued: cubics
+MISSED = 0.6  # of a bracket: what is left of it is longer where continuations misled
 CLOSER = 30.0  # how much narrower a bracket becomes about a predicted crossing
 
 Point = tuple[float, Array]
+Known = tuple[float, Sample]
 
 
 class Changeover(NamedTuple):
@@ -53,30 +55,21 @@ def _curve(points: Sequence[Point]) -> KroghInterpolator:
     return KroghInterpolator(places, values)
 
 
-def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -> Asking[Changeover]:
+def changeover(
+    start: Array, end: Array, known: Sequence[Known], walls: Array, alike: Callable[[Array, Array, Array], bool]
+) -> Asking[Changeover]:
     """Find where, between two places with different active sets, that of the first ends.
 
-    The bracket is narrowed about the place where both sides' continuations agree, by thirds where they do not say.
-    Of several boundaries on the line one is found. Where parameters reach their limits, `walls`, (k, 2), a motion may
-    cease to exist.
+    The bracket is narrowed about the place where both sides' continuations agree, halved where they do not say, until
+    they are `alike` in all of it. Of several boundaries on the line one is found. What is `known` on it, its ends too,
+    is not looked at again. Where parameters reach their limits, `walls`, (k, 2), a motion may cease to exist.
     """
-    sets = [sample.held for sample in ends]
-    sides: tuple[list[Point], list[Point]] = ([(0.0, ends[0].values)], [(1.0, ends[1].values)])
+    sets = [known[0][1].held, known[-1][1].held]
+    sides: tuple[list[Point], list[Point]] = ([(0.0, known[0][1].values)], [(1.0, known[-1][1].values)])
+    points = [*known[1:-1]]
     narrow = NARROW / max(float(np.linalg.norm(end - start)), NARROW)
-    strip, missed, known = None, True, None
+    strip, missed, foreseen = None, True, None
     for _ in range(MOST_ROUNDS):
-        low, high = sides[0][-1][0], sides[1][-1][0]
-        at, width = _meeting(sides, walls), high - low
-        if strip is not None or width <= FINEST * narrow or (width <= narrow and at is not None):
-            break
-        off = width / 3 if at is None or missed else max(width / CLOSER, narrow / 3)
-        if at is not None and known is not None and abs(at - known) <= narrow / 4:  # foreseen twice alike
-            off = min(off, narrow)
-        known = at
-        middle = (low + high) / 2 if at is None or missed else at
-        looks = [t for t in (middle - off / 2, middle + off / 2) if low < t < high]
-        samples = yield [start + t * (end - start) for t in looks]
-        points = list(zip(looks, samples, strict=True))
         for t, sample in points:
             if sample.held not in sets:  # a region, or but the strip in which both sides hold within rounding
                 around = t - 2.0 * narrow, t + 2.0 * narrow
@@ -84,6 +77,7 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
                 if all(near.held != sample.held for near in beside):
                     points, strip = list(zip(around, beside, strict=True)), t
                     break
+        width = sides[1][-1][0] - sides[0][-1][0]
         for t, (held, values) in points:
             if not sides[0][-1][0] < t < sides[1][-1][0]:
                 continue
@@ -91,11 +85,28 @@ def changeover(start: Array, end: Array, ends: Sequence[Sample], walls: Array) -
                 sides[sets.index(held)].append((t, values))
             else:  # a third one takes the place of the second
                 sides[1][:], sets[1] = [(t, values)], held
-        missed = sides[1][-1][0] - sides[0][-1][0] > width / 2
+        low, high = sides[0][-1][0], sides[1][-1][0]
+        missed, width = not points or high - low > MISSED * width, high - low
+        at = _meeting(sides, walls)
+        if strip is not None or width <= narrow:
+            break
+        if at is not None and min(map(len, sides)) > 1:
+            one, two = (_curve(side) for side in sides)
+            if all(alike(one(t), two(t), start + t * (end - start)) for t in (low, high)):
+                break
+        off = width / 3 if at is None or missed else max(width / CLOSER, narrow / 3)
+        if at is not None and foreseen is not None and abs(at - foreseen) <= narrow / 4:  # twice alike
+            off = min(off, narrow)
+        foreseen = at
+        middle = (low + high) / 2 if at is None or missed else at
+        about = (middle - off / 2, middle + off / 2) if at is not None or width > 0.5 else (middle,)
+        looks = [t for t in about if low < t < high]
+        samples = yield [start + t * (end - start) for t in looks]
+        points = list(zip(looks, samples, strict=True))
     at = strip if strip is not None else at if at is not None else (low + high) / 2
     # continued from the nearest points by no more than they are off
-    one, two = (_curve(side[-2:])(at) for side in sides)
-    return Changeover(float(at), (sets[0], sets[1]), (one, two), sides)
+    found = _curve(sides[0][-2:])(at), _curve(sides[1][-2:])(at)
+    return Changeover(float(at), (sets[0], sets[1]), found, sides)
 
 
 def _meeting(sides: tuple[list[Point], list[Point]], walls: Array) -> float | None:
@@ -145,6 +156,11 @@ class MeshVertex:
     jumps: bool = False
     bend: float = 0.0
 
+    @property
+    def some(self) -> Array:
+        """Its values in one of its regions, a motion where there is one."""
+        return max(self.values.values(), key=lambda own: bool(np.isfinite(own[0])))
+
 
 @dataclass(eq=False)
 class MeshEdge:
@@ -153,6 +169,7 @@ class MeshEdge:
     middle: Values = field(default_factory=dict)  # active set -> values in its middle
     # active set -> errors of quadratic interpolation along it, of amount and motion, (2,)
     off: Values = field(default_factory=dict)
+    kink: Array = field(default_factory=lambda: np.full(2, np.inf))  # those of linear interpolation, whatever holds
     # what both sides' values differ by in its middle, where it runs along a boundary
     step: Array = field(default_factory=lambda: np.zeros(2))
     bend: float = 0.0  # how far the boundary is off its middle
@@ -172,7 +189,6 @@ class Simplex:
     held: ActiveSet = NOTHING
     values: Array = field(default_factory=lambda: np.empty((0, 0)))
     errors: Array = field(default_factory=lambda: np.zeros(2))
-    split: MeshVertex | None = None
     finished: bool = False
 
     @property
@@ -260,16 +276,13 @@ class SizeMesh:
         return len(faults) == max(len(facet) * (len(facet) - 1) // 2, 1) and all(own.jumps for own in faults)
 
     def subdivide(self) -> None:
-        """Split the simplices whose edges are to be split, all about an edge alike, and those split within."""
+        """Split the simplices whose edges are to be split, all about an edge alike."""
         self._straighten()
         pieces: list[Simplex] = []
         for simplex in self.simplices:
             cuts = self._cuts(simplex)
             if cuts:
                 pieces += [Simplex(corners) for corners in self._pieces(simplex.corners, cuts)]
-            elif simplex.split is not None and not simplex.finished:
-                k = self._numbered(simplex.split)
-                pieces += [Simplex(_instead(simplex.corners, own, k)) for own in simplex.corners]
             else:
                 pieces.append(simplex)
         least, self.made = FLAT**self.sizes, self.made + len(pieces) - len(self.simplices)
