@@ -618,12 +618,18 @@ def _nearest_on_edges(start: Array, chords: Array, patches: Sequence[Patch], of:
 
     `start` (2, n, 3): about there, on `chords`. `of` (2, n, 2): the patches of each edge. Normals (2, n, 2, 3).
     """
-    surfaces, sides, pairs = [own.surface for own in patches], np.array([own.side for own in patches]), of.reshape(-1, 2)
+    surfaces, sides, pairs = (
+        [own.surface for own in patches],
+        np.array([own.side for own in patches]),
+        of.reshape(-1, 2),
+    )
     at, along = start, chords
     for _ in range(STEPS):
         moves = np.clip(_to_nearest(at, along), -1.0, 1.0)[..., None] * along
         at = onto_each((at + moves).reshape(-1, 3), surfaces, pairs).reshape(at.shape)
-        normals = (sides[pairs][..., None] * misses_of_each(at.reshape(-1, 3), surfaces, pairs)[1]).reshape(*of.shape, 3)
+        normals = (sides[pairs][..., None] * misses_of_each(at.reshape(-1, 3), surfaces, pairs)[1]).reshape(
+            *of.shape, 3
+        )
         along = cross(normals[:, :, 0], normals[:, :, 1])
         along *= (norms(chords) / np.maximum(norms(along), SMALLEST))[..., None]
         if norms(moves).max() <= LEVEL * norms(chords).max():
