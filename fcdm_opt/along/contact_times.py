@@ -16,7 +16,15 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, needed_question, ray_of, reach
+from fcdm_opt.along.coherent_range import (
+    Reach,
+    checked_direction,
+    motion_of,
+    needed_question,
+    of_bodies,
+    ray_of,
+    reach,
+)
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, safe_steps
 from fcdm_opt.along.march import March
@@ -27,7 +35,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import known_to, round_surfaces
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.true_faces import exact_where
@@ -208,7 +216,7 @@ def contact_times(
         last[:] = [_times(own, along, pair, limit)]
         return [x * along for x in (0.0, *(touch.x for touch in last[0].touches))]
 
-    bodies, touches = exact_where(_of_bodies(problem, pair), touching, along)
+    bodies, touches = exact_where(of_bodies(problem, pair), touching, along, apart=0.0)
     asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
     keep_outs = {
         own.name: _times_clear(asked[own.name], along, own.clearance, limit)
@@ -239,15 +247,6 @@ def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array
     spans = tuple(StateSpan("apart" if own in apart else "overlapping", *own) for own in pairwise(ends))
     met = {at[own.x]: replace(own, x=at[own.x]) for own in times.touches if at[own.x] in ends or at[own.x] == own.x}
     return replace(times, spans=spans, touches=tuple(met[x] for x in sorted(met)))
-
-
-def _of_bodies(problem: Problem, pair: Array) -> Problem:
-    """Return the question whether two bodies with round faces are clear of each other; of others the same."""
-    if not (round_surfaces(problem.movable) or round_surfaces(problem.static)):
-        return problem
-    plain = dict.fromkeys(("path", "features", "requirement", "tolerance", "contacts"))
-    asked = {"goal": "clear", "pair": "any", "clearance": 0.0, "keep_out": (), "target": pair.tolist()}
-    return problem.changed(**asked, **plain)
 
 
 def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:

@@ -405,28 +405,32 @@ def on_true_faces(scene: Scene) -> bool:
 
 
 def exact_where(
-    problem: Problem, motions: Callable[[Problem], Iterable[Array]], along: Array | None = None, apart: float = 0.0
+    problem: Problem,
+    motions: Callable[[Problem], Iterable[Array]],
+    along: Array | None = None,
+    apart: float | None = None,
 ) -> tuple[Problem, list[Array]]:
     """Return the same question with parts that are exact where their round faces meet after motions, and these.
 
     The question itself where all faces are plane, where what they are is not known, or it comes to no end.
 
     - `motions`: parameters, (k,) each, which may follow from the parts: they are asked for anew, until after none of
-      them true faces overlap where the parts are not exact. After the first, parts are made exact where they are
-      nearest.
-    - `along`: the direction, (k,), that the others are ahead in: where true faces overlap, that motion is taken after
-      which these just touch.
-    - `apart`: how far apart they may be after the first, as facets say.
+      them true faces overlap where the parts are not exact.
+    - `along`: the direction, (k,), that they are ahead in: where true faces overlap, that motion is taken after which
+      these just touch.
+    - `apart`: how far apart parts may be after the first, as facets say: there they are made exact where they are
+      nearest, and the motion stays. None: it is as all others.
     """
     asked, seeds = Exchange.of(problem), (problem.movable.seed, problem.static.seed)
     for count in range(ROUNDS if asked is not None else 0):
         assert asked is not None
         current, refined, touches = asked.problem, False, list[Array | None]()
         for k, q in enumerate(motions(current)):
-            touch = q if along is None or not k else asked.touching(q, along)
+            stays = along is None or (k == 0 and apart is not None)
+            touch = q if stays or along is None else asked.touching(q, along)
             touches.append(touch)
             met = q if touch is None else touch
-            near = None if met is q and (k or count) else 0.0 if k else apart
+            near = 0.0 if met is not q else None if k or count else apart
             refined |= asked.refine(problem.motion.transform(met, *seeds), near)
         if not refined:
             known = [own for own in touches if own is not None]

@@ -98,3 +98,19 @@ def test_times_of_facets_tell_how_far_they_may_be_off():
     assert "the facets of pin and post" in line
     assert f"of facets: {line}" in str(times)
     assert times.to_dict()["known_to"] == [line]
+
+
+@pytest.mark.parametrize("facets", [16, 32])
+def test_a_flush_pad_was_told_to_turn_until_its_coaxial_shank_met_the_bore(facets):
+    """It lies on its base and turns in it until a corner meets a wall: 10 cos t + 4 sin t = 10.1."""
+    slab = fo.Box((20, 8, 4), centre=(0, 0, 2))
+    pad = fo.joined(slab, fo.Cylinder(2.995, 5, base=(0, 0, -4), facets=facets), name="pad")
+    plate = fo.Box((40, 40, 6), centre=(0, 0, -3))
+    hole = fo.Cylinder(3.005, 10, base=(0, 0, -8), facets=facets)
+    base = fo.joined(fo.cut(plate, hole), fo.Box((5, 40, 10), centre=(12.6, 0, 0)), name="base")
+    asked = fo.Problem(pad, base, motion=fo.Rotation("z", centre=(0, 0, 0)), goal="touch", target=(1, 1))
+    found = fo.coherent_range(asked)
+    truth = brentq(lambda t: 10 * cos(t) + 4 * sin(t) - 10.1, 0.0, 0.1)
+    assert (found.low, found.high) == pytest.approx((-truth, truth), abs=1e-10)
+    assert all("bore" not in event.what for event in found.events)
+    assert fo.contact_times(asked).state(0.999 * truth) == "apart"
