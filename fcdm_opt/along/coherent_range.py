@@ -18,8 +18,10 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
+from fcdm_opt.geometry.facet_errors import is_plane_there, round_surfaces
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
+from fcdm_opt.model.true_faces import exact_where
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
@@ -240,6 +242,41 @@ def coherent_range(
         return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
     problem = with_contact_closed(problem)
+    return _on_true_faces(problem, along, limit) or _of_facets(problem, along, limit)
+
+
+def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> CoherentRange | None:
+    """Return the range of a contact of plane faces at unchanged sizes, where other faces are round; None of others."""
+    bodies, features = (problem.movable, problem.static), [own.feature for own in followed(problem)]
+    if not all(is_plane_there(*own) for each in features for own in zip(bodies, (each.one, each.two), strict=True)):
+        return None
+    last = list[CoherentRange]()
+
+    def ended(own: Problem) -> list[Array]:
+        last[:] = [_of_facets(problem.with_exact_points(own.exact_at or {}), along, limit)]
+        return [x * along for x in (last[0].low, last[0].high) if math.isfinite(x)]
+
+    exact, touches = exact_where(of_bodies(problem, problem.nominal_pair), ended, along)
+    if exact.exact_at is None:
+        return None
+    ends = iter([float(q @ along / (along @ along)) for q in touches])
+    first, end = (replace(own, x=next(ends)) if math.isfinite(own.x) else own for own in last[0].events)
+    found = replace(last[0], first=first, last=end)
+    sizes = [found.rho(x) for x in (found.low, found.high) if math.isfinite(x)]
+    return found if np.abs(np.array(sizes) - found.rho(0.0)).max(initial=0.0) <= DEFAULT.nominal else None
+
+
+def of_bodies(problem: Problem, pair: Array) -> Problem:
+    """Return the question whether two bodies with round faces are clear of each other; of others the same."""
+    if not (round_surfaces(problem.movable) or round_surfaces(problem.static)):
+        return problem
+    plain = dict.fromkeys(("path", "features", "requirement", "tolerance", "contacts"))
+    asked = {"goal": "clear", "pair": "any", "clearance": 0.0, "keep_out": (), "target": pair.tolist()}
+    return problem.changed(**asked, **plain)
+
+
+def _of_facets(problem: Problem, along: Array, limit: float | None) -> CoherentRange:
+    """Return the range of the bodies as they are."""
     ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest, clear = min(end.x for end in ends.values()), dict.fromkeys(ends, 0.0)
     while True:

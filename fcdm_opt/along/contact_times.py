@@ -7,7 +7,7 @@ rate, so from a depth g they cannot part within g / rate: steps of that size, do
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
@@ -16,7 +16,15 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
-from fcdm_opt.along.coherent_range import Reach, checked_direction, motion_of, needed_question, ray_of, reach
+from fcdm_opt.along.coherent_range import (
+    Reach,
+    checked_direction,
+    motion_of,
+    needed_question,
+    of_bodies,
+    ray_of,
+    reach,
+)
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, safe_steps
 from fcdm_opt.along.march import March
@@ -27,7 +35,7 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.true_faces import exact_where
@@ -88,9 +96,13 @@ class ContactTimes(ShortRepr, Plain):
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
         `Tolerances.march` times what moves.
+    known_to : tuple of str
+        Where round faces are looked at by their facets: how far gaps of the true parts may be off those, as drawn.
     """
 
-    plain_names: ClassVar[tuple[str, ...]] = ("direction", "pair", "free", "spans", "touches", "keep_outs", "proved")
+    plain_names: ClassVar[tuple[str, ...]] = (
+        "direction", "pair", "free", "spans", "touches", "keep_outs", "proved", "known_to"
+    )  # fmt: skip
 
     problem: Problem | Assembly
     direction: Array
@@ -99,6 +111,7 @@ class ContactTimes(ShortRepr, Plain):
     touches: tuple[Touch, ...]
     keep_outs: Mapping[str, tuple[StateSpan, ...]]
     proved: bool
+    known_to: tuple[str, ...] = ()
 
     @property
     def free(self) -> tuple[float, float] | None:
@@ -110,11 +123,6 @@ class ContactTimes(ShortRepr, Plain):
         known = [own for own in each if own is not None]
         return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(each) else None
 
-    @property
-    def on_true_faces(self) -> bool:
-        """Whether it is of the faces that facets stand for."""
-        return isinstance(self.problem, Problem) and self.problem.exact_at is not None
-
     def __str__(self) -> str:
         """Return the states in words, a line for the parts and for each keep-out, and how far was looked."""
         along = ", ".join(f"{name} {x:.6g}" for name, x in self.to_dict()["direction"].items())
@@ -124,6 +132,7 @@ class ContactTimes(ShortRepr, Plain):
             later = (f"from x = {number_text(x.low)} {state}" for x, state in zip(own[1:], states, strict=True))
             lines.append(", ".join([f"{name}: {first}", *later]))
         low, high = map(number_text, self.searched)
+        lines += [f"of facets: {line}" for line in self.known_to]
         return "\n".join([*lines, f"looked at from x = {low} to x = {high}, no further"])
 
     def state_text(self, name: str, span: StateSpan) -> str:
@@ -205,28 +214,39 @@ def contact_times(
 
     def touching(own: Problem) -> list[Array]:
         last[:] = [_times(own, along, pair, limit)]
-        seeds, places = (own.movable.seed, own.static.seed), [0.0, *(touch.x for touch in last[0].touches)]
-        return [own.motion.transform(x * along, *seeds) for x in places]
+        return [x * along for x in (0.0, *(touch.x for touch in last[0].touches))]
 
-    bodies = exact_where(_of_bodies(problem, pair), touching)
+    bodies, touches = exact_where(of_bodies(problem, pair), touching, along, apart=0.0)
     asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
     keep_outs = {
         own.name: _times_clear(asked[own.name], along, own.clearance, limit)
         if own.clearance
-        else contact_times(asked[own.name], along, limit=limit).spans
+        else contact_times(asked[own.name], along, limit=limit)
         for own in problem.keep_out
     }
-    found = _times(problem, along, pair, limit) if bodies.exact_at is None else last[0]
-    return replace(found, keep_outs=keep_outs)
+    exact = bodies.exact_at is not None
+    found = _of_true_faces(last[0], bodies, touches) if exact else _times(problem, along, pair, limit)
+    each = [found, *keep_outs.values()]
+    return replace(
+        found,
+        keep_outs={name: own.spans for name, own in keep_outs.items()},
+        known_to=tuple(dict.fromkeys(line for own in each for line in own.known_to)),
+    )
 
 
-def _of_bodies(problem: Problem, pair: Array) -> Problem:
-    """Return the question whether two bodies with round faces are clear of each other; of others the same."""
-    if not (round_surfaces(problem.movable) or round_surfaces(problem.static)):
-        return problem
-    plain = dict.fromkeys(("path", "features", "requirement", "tolerance", "contacts"))
-    asked = {"goal": "clear", "pair": "any", "clearance": 0.0, "keep_out": (), "target": pair.tolist()}
-    return problem.changed(**asked, **plain)
+def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array]) -> ContactTimes:
+    """Return the times of true faces from those of parts within them, and the motions after which the former touch."""
+    # the latter are overlapping for less long, and between corners of facets, which slide on each other, not at all
+    along = times.direction
+    at = {touch.x: float(q @ along / (along @ along)) for touch, q in zip(times.touches, touches[1:], strict=True)}
+    apart = [(at.get(own.low, own.low), at.get(own.high, own.high)) for own in times.spans if own.state == "apart"]
+    turning, moving = ray_of(bodies, along).natural_step
+    least = DEFAULT.march / max(turning, moving / bodies.size)
+    apart = [(low, high) for low, high in apart if high - low > least]
+    ends = sorted({x for own in (*apart, times.searched) for x in own})
+    spans = tuple(StateSpan("apart" if own in apart else "overlapping", *own) for own in pairwise(ends))
+    met = {at[own.x]: replace(own, x=at[own.x]) for own in times.touches if at[own.x] in ends or at[own.x] == own.x}
+    return replace(times, spans=spans, touches=tuple(met[x] for x in sorted(met)))
 
 
 def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:
@@ -239,10 +259,16 @@ def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> 
     if touches and ahead.touches and touches[-1].x == ahead.touches[0].x == 0.0:
         touches.pop()
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
-    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, back.proved and ahead.proved)
+    proved = back.proved and ahead.proved
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved, _known_to(problem))
 
 
-def _times_clear(problem: Problem, along: Array, clearance: float, limit: float | None) -> tuple[StateSpan, ...]:
+def _known_to(problem: Problem) -> tuple[str, ...]:
+    """Return how far gaps of facets may be off those of true faces; nothing where the bodies are exact on these."""
+    return tuple(known_to(problem.movable, [problem.static], problem.unit))
+
+
+def _times_clear(problem: Problem, along: Array, clearance: float, limit: float | None) -> ContactTimes:
     """Return when two bodies are nearer than a clearance: no sooner than corners move by what lacks or is left of it.
 
     Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
@@ -280,7 +306,8 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
                 start, state = at, "apart" if state == "overlapping" else "overlapping"
             x, here = ahead, there
         spans.append(StateSpan(state, *sorted((sign * start, sign * x))))
-    return tuple(_of_solids(problem, along, pair, sorted(spans, key=lambda own: (own.low, own.high)), [])[0])
+    spans = _of_solids(problem, along, pair, sorted(spans, key=lambda own: (own.low, own.high)), [])[0]
+    return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _known_to(problem))
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
@@ -318,7 +345,8 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
     touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
     proved = all(own.proved for own in each.values())
     every = spans | {name: within(own) for name, own in kept.items()}
-    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), every, proved)
+    lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
+    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), every, proved, lines)
 
 
 def _at_rest(problem: Problem, clearance: float = 0.0) -> State:

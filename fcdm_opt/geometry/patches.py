@@ -21,10 +21,18 @@ from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
-from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
+from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.polygons import Sides, distances
-from fcdm_opt.geometry.tessellation import Number, Swept, inverse_of, onto, onto_each, surfaces_of_triangles
+from fcdm_opt.geometry.tessellation import (
+    Number,
+    Swept,
+    inverse_of,
+    misses_of_each,
+    onto,
+    onto_each,
+    surfaces_of_triangles,
+)
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -380,15 +388,15 @@ class _Placed:
                 found = (found | beyond[:, short].any(axis=1)) & ~beyond[:, ~short].any(axis=1)
         return found
 
-    def outside(self, k: int, points: Array, gaps: Array) -> Flags:
-        """Tell which points are behind a patch, and nearer another one or an edge, which tells their gap."""
+    def outside(self, which: Sequence[int], points: Array, gaps: Array) -> Flags:
+        """Tell which points are behind some patches, and nearer another one or an edge, which tells their gap."""
         found = np.zeros(len(points), bool)
         for j, own in enumerate(self.patches):
             before, _ = own.gaps(points)
-            rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j != k else ()
+            rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j not in which else ()
             if len(rows):
                 found[rows] = self.covers(j, points[rows])
-        off = self.scale * max(deviation_of(self.faces.body))  # of chords of edges
+        off = self.scale * max(deviation_of(self.faces.body)) + DEFAULT.tie * self.faces.body.size  # of chords of edges
         rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
         if len(rows):
             near = distances(points[rows], self.there(self.faces.every_edge)).min(axis=0, initial=np.inf)
@@ -433,7 +441,7 @@ def nearest_on_faces(
                 NearestPoints(float(g), np.stack([own.drawn(x), other.drawn(y)][:: 1 - 2 * k]), (2 * k - 1) * n)
                 for g, n, x, y in zip(gap, normal, point, foot, strict=True)
             ]
-    return sorted(found, key=lambda own: own.gap)
+    return sorted([*found, *_crossing_edges(*placed, band)], key=lambda own: own.gap)
 
 
 def line_of_contact(
@@ -559,13 +567,80 @@ def _on_both_bodies(
     kept = other.covers(against, foot) & (np.abs(gap) <= band)
     if len(on) == 1:
         kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
-    kept[kept] &= ~other.outside(against, x[kept], gap[kept])
+    kept[kept] &= ~other.outside([against], x[kept], gap[kept])
     x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
     tight, chosen = DEFAULT.nominal * own.faces.body.size, list[int]()
     for j in np.argsort(gap, kind="stable").tolist():
         if all(norms(x[j] - x[i]) > tight for i in chosen):
             chosen.append(j)
     return gap[chosen], normal[chosen], x[chosen], foot[chosen]
+
+
+def _crossing_edges(one: _Placed, two: _Placed, band: float) -> Iterator[NearestPoints]:
+    """Yield where convex edges of two bodies cross, one of a round face at least, along the normal of both."""
+    both = one, two
+    low, high = one.edges.min(axis=1) - band, one.edges.max(axis=1) + band
+    near = overlapping_between(low, high, two.edges.min(axis=1), two.edges.max(axis=1))
+    of = np.array([own.faces.edge_patches[rows] for own, rows in zip(both, near.T, strict=True)])
+    of[1] += len(one.patches)
+    start, chords = np.array([own.edges[rows] for own, rows in zip(both, near.T, strict=True)]).transpose(2, 0, 1, 3)
+    chords = chords - start
+    aims = np.abs(_to_nearest(start + chords / 2.0, chords)) <= 1.0  # at most a half beyond either end of a chord
+    kept = np.concatenate([own.faces.is_round for own in both])[of].any(axis=(0, 2)) & aims.all(axis=0)
+    if not kept.any():
+        return
+    start, chords, of = (own[:, kept] for own in (start, chords, of))
+    at, normals = _nearest_on_edges(start + chords / 2.0, chords, [*one.patches, *two.patches], of)
+    off, across = at[1] - at[0], cross(normals[:, :, 0], normals[:, :, 1])
+    normal = units(cross(*across))
+    # it is between those of the faces at either edge, and none of them: these tell their gap
+    looks = np.array([normal, -normal])
+    between = np.array([dots(cross(looks, normals[:, :, 1]), across), dots(cross(normals[:, :, 0], looks), across)])
+    side = np.sign(between[0, 0])
+    gaps, share = side * dots(off, normal), dots(at - start, chords) / dots(chords, chords)
+    kept = (side * between > DEFAULT.nominal * dots(across, across)).all(axis=(0, 1)) & (np.abs(gaps) <= band)
+    kept &= ((share > -RIM_SLACK) & (share < 1.0 + RIM_SLACK)).all(axis=0)
+    kept &= norms(off - (side * gaps)[:, None] * normal) <= DEFAULT.nominal * one.faces.body.size
+    for k in np.flatnonzero(kept).tolist():
+        behind = zip(both, of[:, k] - [[0], [len(one.patches)]], at[::-1, k], strict=True)
+        if not any(own.outside(pair, x[None], gaps[None, k])[0] for own, pair, x in behind):
+            points = np.array([own.drawn(x) for own, x in zip(both, at[:, k], strict=True)])
+            yield NearestPoints(float(gaps[k]), points, side[k] * normal[k])
+
+
+def _to_nearest(at: Array, along: Array) -> Array:
+    """Return where two straight lines each, through points along directions, (2, n, 3), are nearest, (2, n)."""
+    # in multiples of these; far away for parallel ones
+    off, product = at[1] - at[0], dots(*along)
+    (a, b), (c, d) = dots(along, along), dots(off, along)
+    return np.array([b * c - product * d, product * c - a * d]) / np.maximum(a * b - product**2, SMALLEST)
+
+
+def _nearest_on_edges(start: Array, chords: Array, patches: Sequence[Patch], of: Ints) -> tuple[Array, Array]:
+    """Return points of edges of two bodies, (2, n, 3), where these are nearest, with their faces' normals.
+
+    Points go to where the tangents of their edges are nearest, and back onto these: Newton's method, but for what the
+    gap bends.
+
+    `start` (2, n, 3): about there, on `chords`. `of` (2, n, 2): the patches of each edge. Normals (2, n, 2, 3).
+    """
+    surfaces, sides, pairs = (
+        [own.surface for own in patches],
+        np.array([own.side for own in patches]),
+        of.reshape(-1, 2),
+    )
+    at, along = start, chords
+    for _ in range(STEPS):
+        moves = np.clip(_to_nearest(at, along), -1.0, 1.0)[..., None] * along
+        at = onto_each((at + moves).reshape(-1, 3), surfaces, pairs).reshape(at.shape)
+        normals = (sides[pairs][..., None] * misses_of_each(at.reshape(-1, 3), surfaces, pairs)[1]).reshape(
+            *of.shape, 3
+        )
+        along = cross(normals[:, :, 0], normals[:, :, 1])
+        along *= (norms(chords) / np.maximum(norms(along), SMALLEST))[..., None]
+        if norms(moves).max() <= LEVEL * norms(chords).max():
+            break
+    return at, normals
 
 
 def _turned_to(points: Array, on: list[Patch], against: Patch) -> Array:

@@ -261,6 +261,31 @@ class Exchange:
         self.add(new)
         return bool(new)
 
+    def touching(self, q: Array, along: Array) -> Array | None:
+        """Return the motion along a direction after which true faces just touch that overlap after another one.
+
+        The same motion where they do not overlap; None where that is not found.
+        """
+        # by Newton's method: exchanges alone leave a share of the overlap each, where corners slide along round faces
+        seed, scale = self.facets.movable.seed, float(self.facets.target[0])
+        kinematics, x, known = self.facets.motion.kinematics(seed, self.facets.static.seed), 0.0, 0.0
+        for turn in range(STEPS):
+            pose, rates = kinematics.rates(q + x * along)
+            near = self._sorted(pose, self._slack)[:1]
+            if not turn and (not near or near[0].gap >= -self._slack):
+                return q
+            if near and abs(near[0].gap) <= TIGHT * self._slack:
+                return q + x * along
+            if near:
+                point = np.append(seed + scale * (near[0].points[0] - seed), 1.0)
+                known, slope = x, -float(along @ (rates[:, :3] @ point) @ near[0].normal)
+                if not slope:
+                    break
+                x -= near[0].gap / slope
+            else:
+                x = (x + known) / 2.0
+        return None
+
     def has(self, own: NearestPoints) -> bool:
         """Tell whether parts are exact there."""
         near = DEFAULT.tie * self.facets.size
@@ -381,24 +406,38 @@ def on_true_faces(scene: Scene) -> bool:
     )
 
 
-def exact_where(problem: Problem, poses: Callable[[Problem], Iterable[Array]], apart: float = 0.0) -> Problem:
-    """Return the same question with parts that are exact where their round faces meet at poses.
+def exact_where(
+    problem: Problem,
+    motions: Callable[[Problem], Iterable[Array]],
+    along: Array | None = None,
+    apart: float | None = None,
+) -> tuple[Problem, list[Array]]:
+    """Return the same question with parts that are exact where their round faces meet after motions, and these.
 
     The question itself where all faces are plane, where what they are is not known, or it comes to no end.
 
-    - `poses`: of the movable part, (4, 4), which may follow from the parts: they are asked for anew, until at none of
-      them true faces overlap where the parts are not exact. At the first, parts are made exact where they are nearest.
-    - `apart`: how far apart they may be there, as facets say.
+    - `motions`: parameters, (k,) each, which may follow from the parts: they are asked for anew, until after none of
+      them true faces overlap where the parts are not exact.
+    - `along`: the direction, (k,), that they are ahead in: where true faces overlap, that motion is taken after which
+      these just touch.
+    - `apart`: how far apart parts may be after the first, as facets say: there they are made exact where they are
+      nearest, and the motion stays. None: it is as all others.
     """
-    asked = Exchange.of(problem)
+    asked, seeds = Exchange.of(problem), (problem.movable.seed, problem.static.seed)
     for count in range(ROUNDS if asked is not None else 0):
         assert asked is not None
-        current = asked.problem
-        first = apart if count == 0 else None
-        refined = [asked.refine(transform, None if k else first) for k, transform in enumerate(poses(current))]
-        if not any(refined):
-            return current
-    return problem
+        current, refined, touches = asked.problem, False, list[Array | None]()
+        for k, q in enumerate(motions(current)):
+            stays = along is None or (k == 0 and apart is not None)
+            touch = q if stays or along is None else asked.touching(q, along)
+            touches.append(touch)
+            met = q if touch is None else touch
+            near = 0.0 if met is not q else None if k or count else apart
+            refined |= asked.refine(problem.motion.transform(met, *seeds), near)
+        if not refined:
+            known = [own for own in touches if own is not None]
+            return (current, known) if len(known) == len(touches) else (problem, [])
+    return problem, []
 
 
 def _same(one: NearestPoints, two: NearestPoints, problem: Problem) -> bool:

@@ -233,7 +233,8 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
                 name = key if key == made or " - " in key else f"keep-out {key}"
                 seen = spans if at_contact else _near(problem, direction, spans)  # as far as what touches is told
                 states = [(span, times.state_text(key, span)) for span in seen]
-                ends.append(f"{name}: {_spans(problem, direction, states)}")
+                facets = "".join(f"; of facets: {line}" for line in times.known_to if key == made)
+                ends.append(f"{name}: {_spans(problem, direction, states)}{facets}")
             low, high = (texts.steps_text(problem, (x * direction).tolist()) for x in times.searched)
             beyond = f"searched from {low} to {high}: what is beyond is not known"
             ends += [beyond] * all(map(math.isfinite, times.searched))

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.geometry.facet_errors import gaps_off, is_plane_there, known_to, round_surfaces
+from fcdm_opt.geometry.facet_errors import gaps_off, is_plane_there, known_to
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
@@ -208,9 +208,12 @@ def no_contact_text(problem: Problem) -> str:
     """Return why no contact is followed along a motion: the parts are drawn with play, or overlap."""
     from fcdm_opt.along.followed import TOUCH_BETWEEN, touch_on_true_faces
 
-    gap = float(problem.curve.gap(problem.nominal_pair))
+    facets, gap, of_facets = problem.of_facets, float(problem.curve.gap(problem.nominal_pair)), False
+    if not problem.partial:
+        ends = tuple(np.repeat(problem.nominal_pair, 2).tolist())
+        gap, _, of_facets = _drawn_gaps(facets.movable, facets.static, ends)
     lie = f"are {length_text(problem, gap)} apart" if gap > 0.0 else f"overlap by {length_text(problem, -gap)}"
-    if any(map(round_surfaces, (problem.movable, problem.static))):  # by how much facets say
+    if of_facets:  # by how much these say
         lie = "are apart" if gap > 0.0 else "overlap"
     drawn = "as drawn" if (problem.nominal_pair == 1.0).all() else "at their nominal sizes"
     drawn = "as made" if any((problem.made or {}).values()) else drawn
