@@ -193,7 +193,7 @@ def test_piped_tables_are_whole_and_plain(cubes: Path) -> None:
 def test_a_case_without_motion_is_exit_code_1_and_says_what_to_do(short: Path) -> None:
     result = run("solve", short)
     assert result.exit_code == 1
-    assert "Widen the limits" in result.stdout
+    assert "Widen the upper limit of TX to 1." in result.stdout
     (file,) = document(run("solve", short, "--json").stdout)
     (case,) = file["cases"]
     assert case["amount"] is None

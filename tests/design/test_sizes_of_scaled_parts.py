@@ -130,4 +130,4 @@ def test_parts_of_an_assembly_were_stacked_up_as_drawn() -> None:
     # that lacks at the largest height is taken here, half by the bridge
     assert [*pose.parameters.values()] == pytest.approx([0.04 - 0.0002, 0.0002], **NEAR)
     (row,) = size_rows(assembly.changed(made={"height": -0.05}))
-    assert (row["drawn"], row["made"]) == ("4", "4.029")
+    assert (row["drawn"], row["made"]) == ("4 to face bottom", "4.029 to face bottom")

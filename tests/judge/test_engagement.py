@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from itertools import pairwise, product
 from pathlib import Path
@@ -815,7 +816,11 @@ def test_a_pin_wider_than_its_bore_was_said_to_fit_perhaps_and_overlapped_by_two
                   if abs(own.normals[0][2]) > 0.9)  # fmt: skip
     shifts = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
     asked = {"tolerance": 0.02, "requirement": "B", "goal": "seat", "contacts": [flange], "unit": "mm"}
-    solution = fo.solve(fo.Problem(pin, base, motion=shifts, **asked), effort="quick")
+    out = fo.solve(fo.Problem(pin, base, motion=shifts, **asked), effort="quick")
+    assert out.status is Status.OUTSIDE_FIT
+    assert out.amount == pytest.approx(math.hypot(0.98 * 30 + 1.02 * 6, 0.15), rel=1e-5)  # off the side of the base
+    near = dict.fromkeys(("TX", "TY", "TZ"), (-5.0, 5.0))
+    solution = fo.solve(fo.Problem(pin, base, motion=shifts, limits=near, **asked), effort="quick")
     assert verdict_text(solution).startswith("does not fit: pin 12.24 mm in base 11.76 mm, across the bore of radius 6")
     assert advised(SolvedCase(solution)) == "Choose a smaller tolerance, or other sizes."
     assert all("(of their facets) overlap by" in line for line in solution.active if "overlap" in line)
