@@ -38,12 +38,14 @@ class Rows(NamedTuple):
     @property
     def ends(self) -> tuple[Array, Array]:
         """The least and the largest value of each parameter by the conditions on it alone, (k,) each."""
-        steep, which = np.abs(self.normals), np.abs(self.normals).argmax(axis=1)
+        rows, which = np.nonzero(self.normals)
+        single = np.bincount(rows, minlength=len(self.levels))[rows] == 1
+        rows, which = rows[single], which[single]
+        steep = self.normals[rows, which]
+        ends, rises = self.levels[rows] / steep, steep > 0.0
         low, high = np.full((2, self.normals.shape[1]), np.inf) * np.array([[-1.0], [1.0]])
-        single = np.flatnonzero((steep > 0.0).sum(axis=1) == 1)
-        for row, k in zip(single.tolist(), which[single].tolist(), strict=True):
-            end, rises = self.levels[row] / self.normals[row, k], self.normals[row, k] > 0.0
-            low[k], high[k] = (max(low[k], end), high[k]) if rises else (low[k], min(high[k], end))
+        np.maximum.at(low, which[rises], ends[rises])
+        np.minimum.at(high, which[~rises], ends[~rises])
         return low, high
 
     def about(self, point: Array, directions: Array | None = None) -> Rows:
@@ -237,8 +239,10 @@ def _seen(choices: Choices, limits: Rows, centre: Array, free: Array) -> Choices
     # by all z that limits of one parameter each leave, too
     rows, flat = _across(choices.rows, centre, free)
     normals, levels = choices.rows
-    ends = (np.where(normals > 0.0, *own) for own in (limits.ends, limits.ends[::-1]))
-    least, most = ((normals * np.where(normals == 0.0, 0.0, own)).sum(axis=1) for own in ends)
+    low, high = limits.ends
+    rises, flat_in = normals > 0.0, normals == 0.0
+    ends = (np.where(flat_in, 0.0, np.where(rises, *own)) for own in ((low, high), (high, low)))
+    least, most = ((normals * own).sum(axis=1) for own in ends)
     missed = (flat & (rows.levels > DEFAULT.touch)) | (most < levels - DEFAULT.touch)
     open_rows = ~flat & (least < levels)
     # of alternatives whether one never holds, and whether one always does
