@@ -75,7 +75,7 @@ def test_a_tilted_peg_was_not_brought_to_touch_the_rim_of_its_bore(goal, start):
     assert found.parameters["TX"] == pytest.approx(0.0 if goal == "clear" and truth > 0.0 else truth, abs=1e-8)
 
 
-@pytest.mark.parametrize(("y", "facets"), [(4.97, 32), (4.995, 24)])
+@pytest.mark.parametrize(("y", "facets"), [(4.97, 32), pytest.param(4.995, 24, marks=pytest.mark.slow)])
 def test_pins_that_pass_each_other_by_less_than_a_facet_overlapped_too_late(y, facets):
     pin, boss = (fo.Cylinder(r, 5, base=at, facets=facets) for r, at in ((2, (-10, y, 0)), (3, (0, 0, 0))))
     times = fo.contact_times(fo.Problem(pin, boss, motion=fo.Translation("x"), goal="touch", target=(1, 1)))

@@ -99,7 +99,7 @@ def capped(height: float, *, round_stud: bool = True) -> tuple[fo.Body, fo.Body]
     return cap, fo.joined(fo.Box((20, 20, 4), centre=(0, 0, -2)), stud, name="stud")
 
 
-@pytest.mark.parametrize("motion", [X >> Y, X >> Z, X >> Y >> fo.Rotation("z")])
+@pytest.mark.parametrize("motion", [X >> Y, X >> Z, pytest.param(X >> Y >> fo.Rotation("z"), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("height", [0.0, 0.05])
 def test_a_cap_that_lies_on_the_base_of_a_round_stud_was_divided_by_zero(motion: fo.Motion, height: float) -> None:
     """On the base it touches as it is; above by .05 it sinks by that, or meets the stud after its play of .1."""

@@ -16,6 +16,7 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, without
 from fcdm_opt.errors import InputError
+from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.fit import lack, misfit
 from fcdm_opt.problem.keep_out import holds_seed
@@ -162,6 +163,7 @@ def widened_limits(scene: Scene) -> list[tuple[Constraint, float]]:
     return [(own, found.coordinates[own.parameter]) for own in passed]
 
 
+@lru_cache(maxsize=16)
 def mending_sizes(problem: Problem) -> dict[str, float]:
     """Return the sizes which alone, made otherwise, let the parts fit, with the least change of their deviations.
 
@@ -176,7 +178,10 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         most = max((abs(rate) for rate in rates.values() if not math.isnan(rate)), default=0.0)
         known = {name: _unlacking(problem, name, rate) for name, rate in rates.items() if abs(rate) > LEVER * most}
         found = {name: _rounded_fit(problem, name, value) for name, value in known.items()}
-    for name in (name for name in found or names if made[name] and math.isnan(found.get(name, math.nan))):
+    open_ones = [name for name in found or names if made[name] and math.isnan(found.get(name, math.nan))]
+    if found and has_round_faces(problem):  # each question takes a good part of a second, and there are some twenty
+        open_ones = []
+    for name in open_ones:
         sized = partial(_with_share, problem, name)
         share = _fitting_share(sized)
         if 0.0 < share < 1.0 and not has_motion(sized(share * (1.0 + BEYOND))):  # else the judge refused it alone
