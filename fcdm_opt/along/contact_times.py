@@ -260,10 +260,10 @@ def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> 
         touches.pop()
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
     proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved, _known_to(problem))
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved, _facet_errors(problem))
 
 
-def _known_to(problem: Problem) -> tuple[str, ...]:
+def _facet_errors(problem: Problem) -> tuple[str, ...]:
     """Return how far gaps of facets may be off those of true faces; nothing where the bodies are exact on these."""
     return tuple(known_to(problem.movable, [problem.static], problem.unit))
 
@@ -307,7 +307,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
             x, here = ahead, there
         spans.append(StateSpan(state, *sorted((sign * start, sign * x))))
     spans = _of_solids(problem, along, pair, sorted(spans, key=lambda own: (own.low, own.high)), [])[0]
-    return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _known_to(problem))
+    return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _facet_errors(problem))
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:

@@ -253,7 +253,7 @@ def _no_shorter_shift(problem: Problem, amount: float) -> bool:
     """Tell whether no shift of a smaller amount does, by the directions along which convex parts may be apart."""
     from fcdm_opt.proof.uniqueness import none_shorter
 
-    known = problem.amount == "weighted" and problem.motion.shifts and not problem.partial
+    known = isfinite(amount) and problem.amount == "weighted" and problem.motion.shifts and not problem.partial
     slack = DEFAULT.requirement * amount + problem.contact_slack
     return known and (amount <= slack or none_shorter((problem,), amount - slack))
 
@@ -305,9 +305,8 @@ def without_evidence(solution: Solution | AssemblySolution) -> str:
         return "; ".join(told)
     solution = solution.reformulated
     problem = solution.problem
-    anew = problem.contacts or problem.motion.shifts
-    known = solution.evidence is not None or (anew and all(own.passed for own in proof_checks(solution)))
-    return "" if known else _unproved(solution)
+    known = solution.evidence is not None or (problem.contacts and all(own.passed for own in proof_checks(solution)))
+    return "" if known or _no_shorter_shift(problem, solution.lower_bound) else _unproved(solution)
 
 
 def _unproved(solution: Solution) -> str:
