@@ -28,6 +28,7 @@ from fcdm_opt.along.coherent_range import (
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, safe_steps
 from fcdm_opt.along.march import March
+from fcdm_opt.along.true_overlaps import STEPS, nearer_than, true_overlaps
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
@@ -49,7 +50,6 @@ from fcdm_opt.tolerances import DEFAULT
 
 State = Literal["apart", "overlapping"]
 FIRST = 1.0 / 64  # of the size: how far first contacts of large bodies are looked for at first
-STEPS = 20_000  # along a ray, at most
 SLIDING = 1e-4  # of a step: parts that touch for so long lie on each other
 WIDEN = 4.0  # of the stretch beyond a touch, until the gap there tells
 LOOKED_AT = 1e-3, 0.25, 0.5, 0.75, 1.0 - 1e-3  # of a span, whether parts slide on each other there
@@ -244,9 +244,35 @@ def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array
     least = DEFAULT.march / max(turning, moving / bodies.size)
     apart = [(low, high) for low, high in apart if high - low > least]
     ends = sorted({x for own in (*apart, times.searched) for x in own})
-    spans = tuple(StateSpan("apart" if own in apart else "overlapping", *own) for own in pairwise(ends))
+    free = [any(low <= start and end <= high for low, high in apart) for start, end in pairwise(ends)]
+    spans = [StateSpan("apart" if own else "overlapping", *x) for own, x in zip(free, pairwise(ends), strict=True)]
     met = {at[own.x]: replace(own, x=at[own.x]) for own in times.touches if at[own.x] in ends or at[own.x] == own.x}
-    return replace(times, spans=spans, touches=tuple(met[x] for x in sorted(met)))
+    overlaps, looked = true_overlaps(bodies, along, apart)
+    joined = _overlapping_any([spans, [StateSpan("overlapping", *own) for own in overlaps]])
+    for x in {x for own in joined for x in (own.low, own.high)} - {*times.searched, *met}:
+        at_touch = exact_where(bodies, lambda _, x=x: [x * along], apart=0.0)[0]
+        met[x] = Touch(x, _features(at_touch, x * along, times.pair), False)
+    touches = tuple(met[x] for x in sorted(met))
+    return replace(times, spans=joined, touches=touches, proved=times.proved and looked and not overlaps)
+
+
+def _overlapping_any(each: Iterable[Sequence[StateSpan]]) -> tuple[StateSpan, ...]:
+    """Return spans that are overlapping where any of several is, those of one state joined."""
+    every, joined = [*each], list[StateSpan]()
+    for start, end in pairwise(sorted({x for own in every for span in own for x in (span.low, span.high)})):
+        over = any(s.state == "overlapping" and s.low < end and s.high > start for own in every for s in own)
+        state: State = "overlapping" if over else "apart"
+        if joined and joined[-1].state == state:
+            start = joined.pop().low
+        joined.append(StateSpan(state, start, end))
+    return tuple(joined)
+
+
+def _features(problem: Problem, q: Array, pair: Array) -> tuple[Feature, ...]:
+    """Return what touches after a motion."""
+    one, two = problem.active
+    pose = relative_pose(one, two, problem.motion.transform(q, problem.movable.seed, problem.static.seed))
+    return touching_features(one, two, pose, pair, DEFAULT.nominal * problem.size)
 
 
 def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:
@@ -273,40 +299,16 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
 
     Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
     """
-    from scipy.optimize import brentq
-
-    pair, spans, slack = problem.target, list[StateSpan](), problem.contact_slack
-    fastest = 2.0 * moving_at_most(problem, along, pair)(0.0, 1.0)[1]
-    if not 0.0 < fastest < math.inf:
-        what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
-        raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
-
-    def excess(x: float) -> float:
-        pose = problem.motion.transform(x * along, problem.movable.seed, problem.static.seed)
-        solids = PlacedSolids(problem.movable, problem.static, pair, pose)
-        return (0.0 if solids.nested else solids.distance) - clearance
-
+    pair, spans = problem.target, list[StateSpan]()
     for sign in (-1.0, 1.0):
         far = reach(problem, sign * along, limit)
         end, floor = _span_of(problem, along, pair, far, clearance), DEFAULT.march * problem.size
-        x, start, here, least = 0.0, 0.0, excess(0.0), floor
-        state: State = "overlapping" if here < -slack else "apart"
-        for _ in range(STEPS):
-            if x >= end:
-                break
-            pacing.check()
-            least = 2.0 * least if abs(here) <= slack else floor
-            ahead = min(x + max(abs(here), least) / fastest, end)
-            there = excess(sign * ahead)
-            if (there < -slack) != (state == "overlapping"):
-                at = x if abs(here) < abs(there) else ahead  # one of which is at the clearance, to rounding
-                if here * there < 0.0:
-                    at = float(brentq(lambda own, sign=sign: excess(sign * own), x, ahead))
-                spans.append(StateSpan(state, *sorted((sign * start, sign * at))))
-                start, state = at, "apart" if state == "overlapping" else "overlapping"
-            x, here = ahead, there
-        spans.append(StateSpan(state, *sorted((sign * start, sign * x))))
-    spans = _of_solids(problem, along, pair, sorted(spans, key=lambda own: (own.low, own.high)), [])[0]
+        found = nearer_than(problem, along, pair, clearance, sign * end, floor)
+        if found is None:
+            what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
+            raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
+        spans += [StateSpan(*own) for own in found]
+    spans = _of_solids(problem, along, pair, spans, [])[0]
     return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _facet_errors(problem))
 
 
@@ -334,19 +336,12 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
 
     spans = {name: within(own.spans) for name, own in each.items()}
     spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
-    ends = sorted({x for own in spans.values() for span in own for x in (span.low, span.high)})
-    joined = list[StateSpan]()
-    for start, end in pairwise(ends):
-        over = any(s.state == "overlapping" and s.low < end and s.high > start for own in spans.values() for s in own)
-        state: State = "overlapping" if over else "apart"
-        if joined and joined[-1].state == state:
-            start = joined.pop().low
-        joined.append(StateSpan(state, start, end))
+    joined = _overlapping_any(spans.values())
     touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
     proved = all(own.proved for own in each.values())
     every = spans | {name: within(own) for name, own in kept.items()}
     lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
-    return ContactTimes(assembly, along, np.full(2, np.nan), tuple(joined), tuple(touches), every, proved, lines)
+    return ContactTimes(assembly, along, np.full(2, np.nan), joined, tuple(touches), every, proved, lines)
 
 
 def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
@@ -478,9 +473,7 @@ class _OneWay:
         return min(beyond, self._end)
 
     def _touch(self, x: float, grazing: bool) -> None:
-        (one, two), slack = self._problem.active, DEFAULT.nominal * self._problem.size
-        pose = relative_pose(one, two, self._transform(x))
-        self.touches.append(Touch(float(x), touching_features(one, two, pose, self._pair, slack), grazing))
+        self.touches.append(Touch(float(x), _features(self._problem, x * self._along, self._pair), grazing))
 
     def _transform(self, x: float) -> Array:
         problem = self._problem

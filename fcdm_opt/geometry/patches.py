@@ -388,6 +388,12 @@ class _Placed:
                 found = (found | beyond[:, short].any(axis=1)) & ~beyond[:, ~short].any(axis=1)
         return found
 
+    def next_to_rim(self, plane: int, points: Array) -> Flags:
+        """Tell which points of a plane patch are as near a bent edge of it as twice what faces leave their facets."""
+        chords = [own.ends for (k, _), own in self.faces.rims.items() if k == plane]
+        near = 2.0 * self.faces.off_triangles + DEFAULT.tie * self.faces.body.size
+        return np.asarray(distances(self.drawn(points), np.concatenate(chords)).min(axis=0) <= near)
+
     def outside(self, which: Sequence[int], points: Array, gaps: Array) -> Flags:
         """Tell which points are behind some patches, and nearer another one or an edge, which tells their gap."""
         found = np.zeros(len(points), bool)
@@ -548,6 +554,8 @@ def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *,
     near = overlapping_between(points.min(axis=1), points.max(axis=1), low, high)
     near = np.unique(np.column_stack([near[:, 0], others.owners[near[:, 1]]]), axis=0)
     round_ = faces.is_round[of[near[:, 0]]].any(axis=1) | others.is_round[near[:, 1]]
+    if of.shape[1] == 0:  # corners that may be next to a rim, where parts within the true ones lack some of the plane
+        round_ |= np.isin(near[:, 1], [plane for plane, _ in others.rims])
     if of.shape[1] == 1:
         round_ &= faces.is_round[of[near[:, 0], 0]]
         if not both:
@@ -567,6 +575,8 @@ def _on_both_bodies(
     kept = other.covers(against, foot) & (np.abs(gap) <= band)
     if len(on) == 1:
         kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
+    elif not on and not other.faces.is_round[against]:
+        kept[kept] &= other.next_to_rim(against, foot[kept])
     kept[kept] &= ~other.outside([against], x[kept], gap[kept])
     x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
     tight, chosen = DEFAULT.nominal * own.faces.body.size, list[int]()

@@ -166,10 +166,7 @@ class Exchange:
         def slopes(y: Array) -> Array:
             pose, rates = kinematics.rates(unit * y)
             near = self._sorted(pose, bound)
-            if not near:
-                return np.zeros(len(y))
-            point = np.append(seed + scale * (near[0].points[0] - seed), 1.0)
-            return np.asarray(-(rates[:, :3] @ point) @ near[0].normal * unit)
+            return self._slopes(near[0], rates) * unit if near else np.zeros(len(y))
 
         least = minimize(
             lambda y: y @ y,
@@ -194,8 +191,7 @@ class Exchange:
         free = (q > facets.limits[:, 0]) & (q < facets.limits[:, 1])
         if facets.amount != "weighted" or np.count_nonzero(free) < 2 or not size > self._slack:
             return None
-        kinematics = facets.motion.kinematics(facets.movable.seed, facets.static.seed)
-        seed, scale, unit = facets.movable.seed, float(facets.target[0]), size / facets.weights
+        kinematics, unit = facets.motion.kinematics(facets.movable.seed, facets.static.seed), size / facets.weights
 
         def met(y: Array, known: Sequence[NearestPoints] = ()) -> tuple[list[NearestPoints], Array, Array]:
             """Return contacts, those next to known ones, with their gaps and the slopes of these, by `size`."""
@@ -203,8 +199,7 @@ class Exchange:
             near = self._sorted(pose, self._slack) if known else self.nearest(pose, self._slack)
             found = [min(near, key=lambda own: float(norms(own.points[0] - x.points[0])), default=x) for x in known]
             found = found or [own for own in near[: 1 if sign < 0.0 else None] if own.gap <= self._slack]
-            points = [np.append(seed + scale * (own.points[0] - seed), 1.0) for own in found]
-            slopes = [-(rates[:, :3] @ x) @ own.normal * unit for x, own in zip(points, found, strict=True)]
+            slopes = [self._slopes(own, rates) * unit for own in found]
             return found, np.array([own.gap for own in found]) / size, np.array(slopes).reshape(-1, len(y)) / size
 
         y = start = q / unit
@@ -267,24 +262,32 @@ class Exchange:
         The same motion where they do not overlap; None where that is not found.
         """
         # by Newton's method: exchanges alone leave a share of the overlap each, where corners slide along round faces
-        seed, scale = self.facets.movable.seed, float(self.facets.target[0])
-        kinematics, x, known = self.facets.motion.kinematics(seed, self.facets.static.seed), 0.0, 0.0
+        x = known = 0.0
         for turn in range(STEPS):
-            pose, rates = kinematics.rates(q + x * along)
-            near = self._sorted(pose, self._slack)[:1]
-            if not turn and (not near or near[0].gap >= -self._slack):
+            gap, slope = self.gap_and_slope(q + x * along, along, self._slack)
+            if not turn and gap >= -self._slack:
                 return q
-            if near and abs(near[0].gap) <= TIGHT * self._slack:
+            if abs(gap) <= TIGHT * self._slack:
                 return q + x * along
-            if near:
-                point = np.append(seed + scale * (near[0].points[0] - seed), 1.0)
-                known, slope = x, -float(along @ (rates[:, :3] @ point) @ near[0].normal)
-                if not slope:
-                    break
-                x -= near[0].gap / slope
-            else:
+            if gap == self._slack:  # none are so near
                 x = (x + known) / 2.0
+                continue
+            if not slope:
+                break
+            known, x = x, x - gap / slope
         return None
+
+    def gap_and_slope(self, q: Array, along: Array, most: float) -> tuple[float, float]:
+        """Return the gap of true faces after a motion, `most` where they are farther, and its slope along a ray."""
+        pose, rates = self.facets.motion.kinematics(self.facets.movable.seed, self.facets.static.seed).rates(q)
+        near = self._sorted(pose, most)
+        return (near[0].gap, float(along @ self._slopes(near[0], rates))) if near else (most, 0.0)
+
+    def _slopes(self, own: NearestPoints, rates: Array) -> Array:
+        """Return how a gap changes with each parameter, (k,), from the rates of the pose with these, (k, 4, 4)."""
+        seed, scale = self.facets.movable.seed, float(self.facets.target[0])
+        point = np.append(seed + scale * (own.points[0] - seed), 1.0)
+        return np.asarray(-(rates[:, :3] @ point) @ own.normal)
 
     def has(self, own: NearestPoints) -> bool:
         """Tell whether parts are exact there."""

@@ -1,0 +1,155 @@
+"""Where true faces overlap along a ray of motions while parts within them, or their facets, are apart.
+
+Solids as drawn that are farther apart than their facets fall short of the true faces have true faces that are apart.
+Elsewhere the gap of the true faces and its slope are worked out at places, and between two of these where the tangents
+leave room for an overlap: the gap of convex bodies that shift is convex, no less than its tangents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from fcdm_opt import pacing
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.solids import PlacedSolids
+from fcdm_opt.model.true_faces import Exchange
+from fcdm_opt.problem.active_parts import moving_at_most
+from fcdm_opt.problem.problem import Problem
+from fcdm_opt.tolerances import DEFAULT
+
+STEPS = 20_000  # along a ray, at most
+DRAWN = 256  # steps in which solids as drawn are looked at, at most, but for finer ones where they are near
+PLACES = 4  # at which true faces are looked at at first, on a stretch on which they may touch
+FINER = 1.0 / 32.0  # of such a stretch: no nearer are places between which the gap is neither convex nor concave
+MOST = 200  # of these in all
+FINEST = 1e-3  # of such a stretch: no nearer are places between which tangents leave room
+
+Stretch = tuple[Literal["apart", "overlapping"], float, float]
+
+
+def nearer_than(
+    problem: Problem, along: Array, pair: Array, clearance: float, end: float, least: float
+) -> list[Stretch] | None:
+    """Return when two solids are "apart" by a clearance, and when nearer, after motions x * along, x from 0 to `end`.
+
+    None where it is not known how fast the motion moves corners: it is no sooner than these move by what lacks of the
+    clearance or is left of it. By no less than `least`, a length: what lasts as short may be missed.
+    """
+    from scipy.optimize import brentq
+
+    fastest, slack = 2.0 * moving_at_most(problem, along, pair)(0.0, 1.0)[1], problem.contact_slack
+    if not 0.0 < fastest < math.inf:
+        return None
+
+    def excess(x: float) -> float:
+        pose = problem.motion.transform(x * along, problem.movable.seed, problem.static.seed)
+        solids = PlacedSolids(problem.movable, problem.static, pair, pose)
+        return (0.0 if solids.nested else solids.distance) - clearance
+
+    found, side, here = list[Stretch](), math.copysign(1.0, end), excess(0.0)
+    x, start, end, step = 0.0, 0.0, abs(end), least
+    state: Literal["apart", "overlapping"] = "overlapping" if here < -slack else "apart"
+    for _ in range(STEPS):
+        if x >= end:
+            break
+        pacing.check()
+        step = 2.0 * step if abs(here) <= slack else least
+        ahead = min(x + max(abs(here), step) / fastest, end)
+        there = excess(side * ahead)
+        if (there < -slack) != (state == "overlapping"):
+            at = x if abs(here) < abs(there) else ahead  # one of which is at the clearance, to rounding
+            if here * there < 0.0:
+                at = float(brentq(lambda own: excess(side * own), x, ahead))
+            found.append((state, *sorted((side * start, side * at))))
+            start, state = at, "apart" if state == "overlapping" else "overlapping"
+        x, here = ahead, there
+    return sorted([*found, (state, *sorted((side * start, side * x)))], key=lambda own: own[1:])
+
+
+def true_overlaps(
+    bodies: Problem, along: Array, apart: Sequence[tuple[float, float]]
+) -> tuple[list[tuple[float, float]], bool]:
+    """Return where, of stretches on which parts within the true ones are apart, true faces overlap along a ray.
+
+    And whether all places were looked at that tangents leave room at, as far as they are known.
+
+    `bodies`: see `coherent_range.of_bodies`. `apart`: stretches (low, high) of x, in increasing order.
+    """
+    asked = Exchange.of(bodies)
+    if asked is None or not apart:
+        return [], asked is not None
+    drawn, pair = asked.facets, bodies.target
+    short = sum(x * deviation_of(body)[1] for x, body in zip(pair.tolist(), drawn.bodies, strict=False))
+    fastest = 2.0 * moving_at_most(drawn, along, pair)(0.0, 1.0)[1]
+    near, step = list[tuple[float, float]](), short
+    for end in (apart[0][0], apart[-1][1]):
+        step = max(short, fastest * abs(end) / DRAWN)
+        found = nearer_than(drawn, along, pair, short + step, end, step) if end else []
+        if found is None:
+            return [], False
+        near += [(low, high) for state, low, high in found if state == "overlapping"]
+    looked, overlaps = _Looked(asked, along, short + step), list[tuple[float, float]]()
+    for (low, high), (start, end) in ((own, other) for own in apart for other in near):
+        if min(high, end) - max(low, start) > FINEST * DEFAULT.march * (high - low):
+            overlaps += looked.overlaps(max(low, start), min(high, end))
+    return overlaps, len(looked.known) < MOST
+
+
+class _Looked:
+    """The gap of true faces and its slope, at places along a ray."""
+
+    def __init__(self, asked: Exchange, along: Array, band: float) -> None:
+        self._asked, self._along, self._band = asked, along, band
+        self._slack = asked.facets.contact_slack
+        self.known = dict[float, tuple[float, float]]()
+
+    def at(self, x: float) -> tuple[float, float]:
+        """Return the gap at x, no more than the band, and its slope."""
+        if x not in self.known:
+            pacing.check()
+            self.known[x] = self._asked.gap_and_slope(x * self._along, self._along, self._band)
+        return self.known[x]
+
+    def overlaps(self, low: float, high: float) -> list[tuple[float, float]]:
+        """Return where true faces overlap from low to high."""
+        from scipy.optimize import brentq
+
+        places = [*map(float, np.linspace(low, high, PLACES + 1))]
+        stretches, seen = [*pairwise(places)], {*places}
+        while stretches and len(self.known) < MOST:
+            one, two = stretches.pop()
+            if two - one > self._least(one, two) * (high - low):
+                middle = (one + two) / 2.0
+                stretches += [(one, middle), (middle, two)]
+                seen.add(middle)
+        ends = list[float]()
+        for one, two in pairwise(sorted(seen)):
+            deep = [self.at(x)[0] < -self._slack for x in (one, two)]
+            if deep[0] and one == low:
+                ends.append(one)
+            if deep[0] != deep[1]:
+                (gap, _), (other, _) = self.at(one), self.at(two)
+                root = (one if deep[1] else two) if max(gap, other) <= 0.0 else None
+                ends.append(float(brentq(lambda x: self.at(x)[0], one, two)) if root is None else root)
+            if deep[1] and two == high:
+                ends.append(two)
+        return [*zip(ends[::2], ends[1::2], strict=True)]
+
+    def _least(self, one: float, two: float) -> float:
+        """Return how near places must be, as a share of the stretch, to tell the gap between two; 1 where these do."""
+        (gap, slope), (other, its_slope) = self.at(one), self.at(two)
+        secant = (other - gap) / (two - one)
+        if min(gap, other) < -self._slack or slope >= secant >= its_slope:  # concave: least at an end
+            return 1.0
+        if not slope <= secant <= its_slope:
+            return FINER
+        if not slope < 0.0 < its_slope:
+            return 1.0
+        meet = (other - its_slope * (two - one) - gap) / (slope - its_slope)
+        return FINEST if gap + slope * meet < -self._slack else 1.0
