@@ -13,6 +13,7 @@ import numpy as np
 from fcdm_opt.along.conditions import Ray
 from fcdm_opt.along.followed import KINDS, NO_CONTACT, Followed, followed, followed_joints
 from fcdm_opt.along.march import March
+from fcdm_opt.along.true_overlaps import true_overlaps
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relative_pose
 from fcdm_opt.curve.features import Feature
@@ -261,6 +262,12 @@ def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> Coher
         return None
     ends = iter([float(q @ along / (along @ along)) for q in touches])
     first, end = (replace(own, x=next(ends)) if math.isfinite(own.x) else own for own in last[0].events)
+    for start, stop in true_overlaps(exact, along, [(first.x, end.x)]).stretches:
+        what = f"true faces of {problem.movable.name} and {problem.static.name} come to overlap"
+        if stop <= 0.0:
+            first = Event(stop, "overlap", what, features=last[0].features)
+        elif start >= 0.0 and start < end.x:
+            end = Event(start, "overlap", what, features=last[0].features)
     found = replace(last[0], first=first, last=end)
     sizes = [found.rho(x) for x in (found.low, found.high) if math.isfinite(x)]
     return found if np.abs(np.array(sizes) - found.rho(0.0)).max(initial=0.0) <= DEFAULT.nominal else None

@@ -28,7 +28,7 @@ from fcdm_opt.along.coherent_range import (
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, safe_steps
 from fcdm_opt.along.march import March
-from fcdm_opt.along.true_overlaps import STEPS, nearer_than, true_overlaps
+from fcdm_opt.along.true_overlaps import STEPS, apart_beyond, nearer_than, true_overlaps
 from fcdm_opt.curve import kernels
 from fcdm_opt.curve.contact import touching_features
 from fcdm_opt.curve.decision_curve import relative_pose
@@ -95,7 +95,8 @@ class ContactTimes(ShortRepr, Plain):
         and keep-out, "PART - NAME".
     proved : bool
         Whether no touch can have been missed but grazes from within an overlap that are shallower than
-        `Tolerances.march` times what moves.
+        `Tolerances.march` times what moves. Not so where true faces, not facets, are looked at, place by place, but for
+        convex bodies that shift.
     known_to : tuple of str
         Where round faces are looked at by their facets: how far gaps of the true parts may be off those, as drawn.
     """
@@ -247,13 +248,21 @@ def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array
     free = [any(low <= start and end <= high for low, high in apart) for start, end in pairwise(ends)]
     spans = [StateSpan("apart" if own else "overlapping", *x) for own, x in zip(free, pairwise(ends), strict=True)]
     met = {at[own.x]: replace(own, x=at[own.x]) for own in times.touches if at[own.x] in ends or at[own.x] == own.x}
-    overlaps, looked = true_overlaps(bodies, along, apart)
-    joined = _overlapping_any([spans, [StateSpan("overlapping", *own) for own in overlaps]])
-    for x in {x for own in joined for x in (own.low, own.high)} - {*times.searched, *met}:
-        at_touch = exact_where(bodies, lambda _, x=x: [x * along], apart=0.0)[0]
-        met[x] = Touch(x, _features(at_touch, x * along, times.pair), False)
-    touches = tuple(met[x] for x in sorted(met))
-    return replace(times, spans=joined, touches=touches, proved=times.proved and looked and not overlaps)
+    found = true_overlaps(bodies, along, apart)
+    joined = _overlapping_any([spans, [StateSpan("overlapping", *own) for own in found.stretches]])
+    kept = {x: own for x, own in met.items() if not any(a - least <= x <= b + least for a, b in found.stretches)}
+    for x in {x for own in joined for x in (own.low, own.high)} - {*times.searched, *kept}:
+        kept[x] = met.get(x) or _touch_between_facets(bodies, x, times)
+    known, proved = () if found.complete else _facet_errors(bodies.of_facets), times.proved and found.proved
+    ordered = tuple(kept[x] for x in sorted(kept))
+    return replace(times, spans=joined, touches=ordered, proved=proved, known_to=known)
+
+
+def _touch_between_facets(bodies: Problem, x: float, times: ContactTimes) -> Touch:
+    """Return the instant x at which true faces touch, with parts that are exact there."""
+    q = x * times.direction
+    touching, _ = exact_where(bodies, lambda _: [q], apart=0.0)
+    return Touch(x, _features(touching, q, times.pair), grazing=False)
 
 
 def _overlapping_any(each: Iterable[Sequence[StateSpan]]) -> tuple[StateSpan, ...]:
@@ -563,10 +572,4 @@ def _span_of(problem: Problem, along: Array, pair: Array, end: Reach, clearance:
     """Return how far to look: half of what repeats itself, no further than bodies can be nearer than a clearance."""
     if end.kind != "unbounded":
         return end.x / 2.0 if end.kind == "whole turn" else end.x
-    extents = [
-        scale * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
-        for body, scale in zip((problem.movable, problem.static), pair, strict=True)
-    ]
-    far = sum(extents) + float(np.linalg.norm(problem.static.seed - problem.movable.seed)) + clearance
-    _, moving = ray_of(problem, along).natural_step
-    return far / moving if moving > 0 else 1.0
+    return apart_beyond(problem, along, pair, clearance)

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Literal
+from itertools import pairwise, product
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.along.conditions import Ray
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.facet_errors import deviation_of
+from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.solids import PlacedSolids
 from fcdm_opt.model.true_faces import Exchange
 from fcdm_opt.problem.active_parts import moving_at_most
@@ -66,39 +68,59 @@ def nearer_than(
             at = x if abs(here) < abs(there) else ahead  # one of which is at the clearance, to rounding
             if here * there < 0.0:
                 at = float(brentq(lambda own: excess(side * own), x, ahead))
-            found.append((state, *sorted((side * start, side * at))))
+            found.append((state, start, at))
             start, state = at, "apart" if state == "overlapping" else "overlapping"
         x, here = ahead, there
-    return sorted([*found, (state, *sorted((side * start, side * x)))], key=lambda own: own[1:])
+    found.append((state, start, x))
+    return found if side > 0.0 else [(state, -high, -low) for state, low, high in found[::-1]]
 
 
-def true_overlaps(
-    bodies: Problem, along: Array, apart: Sequence[tuple[float, float]]
-) -> tuple[list[tuple[float, float]], bool]:
-    """Return where, of stretches on which parts within the true ones are apart, true faces overlap along a ray.
+def apart_beyond(problem: Problem, along: Array, pair: Array, clearance: float = 0.0) -> float:
+    """Return from which motion x * along on two bodies that a motion only shifts are farther apart than a clearance."""
+    extents = [
+        scale * max(float(np.linalg.norm(part.vertices - body.seed, axis=1).max()) for part in body.parts)
+        for body, scale in zip((problem.movable, problem.static), pair, strict=True)
+    ]
+    far = sum(extents) + float(np.linalg.norm(problem.static.seed - problem.movable.seed)) + clearance
+    moving = Ray.of(problem.motion, along, problem.movable.seed, problem.static.seed).natural_step[1]
+    return far / moving if moving > 0 else 1.0
 
-    And whether all places were looked at that tangents leave room at, as far as they are known.
+
+class TrueOverlaps(NamedTuple):
+    """Stretches on which true faces overlap along a ray; whether all places were looked at that leave room for it."""
+
+    stretches: list[tuple[float, float]]
+    complete: bool
+    proved: bool  # whether no other stretch can have been missed
+
+
+def true_overlaps(bodies: Problem, along: Array, apart: Sequence[tuple[float, float]]) -> TrueOverlaps:
+    """Return where true faces overlap along a ray, of stretches on which parts within the true ones are apart.
 
     `bodies`: see `coherent_range.of_bodies`. `apart`: stretches (low, high) of x, in increasing order.
     """
     asked = Exchange.of(bodies)
     if asked is None or not apart:
-        return [], asked is not None
+        return TrueOverlaps([], complete=asked is not None, proved=not apart)
     drawn, pair = asked.facets, bodies.target
     short = sum(x * deviation_of(body)[1] for x, body in zip(pair.tolist(), drawn.bodies, strict=False))
     fastest = 2.0 * moving_at_most(drawn, along, pair)(0.0, 1.0)[1]
-    near, step = list[tuple[float, float]](), short
-    for end in (apart[0][0], apart[-1][1]):
+    near, step, far = list[tuple[float, float]](), short, apart_beyond(drawn, along, pair, short)
+    for last in (apart[0][0], apart[-1][1]):
+        end = last if math.isfinite(last) else math.copysign(far, last)
         step = max(short, fastest * abs(end) / DRAWN)
         found = nearer_than(drawn, along, pair, short + step, end, step) if end else []
         if found is None:
-            return [], False
+            return TrueOverlaps([], complete=False, proved=False)
         near += [(low, high) for state, low, high in found if state == "overlapping"]
     looked, overlaps = _Looked(asked, along, short + step), list[tuple[float, float]]()
-    for (low, high), (start, end) in ((own, other) for own in apart for other in near):
+    for (low, high), (start, end) in product(apart, near):
         if min(high, end) - max(low, start) > FINEST * DEFAULT.march * (high - low):
             overlaps += looked.overlaps(max(low, start), min(high, end))
-    return overlaps, len(looked.known) < MOST
+    two, holes = drawn.bodies[:2], any(own.concave for body in drawn.bodies[:2] for own in true_faces(body).patches)
+    convex = drawn.motion.shifts and not holes and all(len(own.parts) == 1 and not own.is_surface for own in two)
+    complete = len(looked.known) < MOST
+    return TrueOverlaps(overlaps, complete, complete and (convex or not looked.known))
 
 
 class _Looked:

@@ -46,7 +46,9 @@ def test_a_rod_between_a_facet_and_its_arc_was_said_to_pass(facets, share):
     assert at == pytest.approx([0.99, 6.01], abs=1e-9)
     assert times.free[1] == pytest.approx(0.99, abs=1e-9)
     assert [own.x for own in times.touches] == pytest.approx([0.99, 6.01], abs=1e-9)
+    assert all(own.features for own in times.touches)
     assert times.known_to == ()
+    assert times.proved
 
 
 @pytest.mark.parametrize("share", [0.2, 0.9])
@@ -65,6 +67,7 @@ def test_a_needle_that_turns_past_a_boss_between_facet_and_arc(facets, share):
     half = np.arccos(1.0 - deep / 10.0)
     assert ends(times)[0] == ["apart", "overlapping", "apart"]
     assert ends(times)[1] == pytest.approx([0.3 - half, 0.3 + half], abs=1e-8)
+    assert [own.x for own in times.touches] == ends(times)[1]
 
 
 @pytest.mark.parametrize(("facets", "share"), [(16, 0.5), (32, 0.3), (32, 0.9)])
@@ -76,6 +79,7 @@ def test_a_ball_past_a_pin_between_their_facets(facets, share):
     half = sqrt(49.0 - away**2)
     assert ends(times)[0] == ["apart", "overlapping", "apart"]
     assert ends(times)[1] == pytest.approx([12 - half, 12 + half], abs=1e-8)
+    assert [own.x for own in times.touches] == ends(times)[1]
 
 
 @pytest.mark.parametrize("share", [0.2, 0.8])
@@ -99,3 +103,23 @@ def test_a_rod_just_outside_the_arc_passes():
         place, away = at_middle_of_a_facet(5.0, facets, -1e-3, short_of(5.0, facets))
         times = fo.contact_times(asked(rod(place, away, -1.0), boss, fo.Translation("z")))
         assert ends(times)[0] == ["apart"]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.8])
+def test_a_contact_lasted_beyond_a_boss_that_a_tab_meets_between_facet_and_arc(share):
+    """A slider lies on a rail along z; its tab, at z = -2.01 to -1.99, meets the end of the boss, z = 0, after 1.99."""
+    boss = fo.Cylinder(5, 5, base=(0, 0, 0), facets=24)
+    place, away = at_middle_of_a_facet(5.0, 24, share, short_of(5.0, 24))
+    along, up = np.array([-away[1], away[0], 0.0]), np.array([0.0, 0.0, 1.0])
+
+    def bar(wide, low, high, bottom, top):
+        each = [(x, y, z) for x in (-wide, wide) for y in (low, high) for z in (bottom, top)]
+        return fo.Body.convex([place + x * along + y * away + z * up for x, y, z in each], unit="mm")
+
+    base = fo.joined(boss, bar(1.0, 2.5, 4.0, -30.0, 30.0), bar(1.0, -20.0, -6.0, -30.0, 30.0), name="base")
+    tab, slider = bar(0.02, 0.0, 2.0, -2.01, -1.99), bar(0.5, 1.0, 2.5, -3.0, -1.0)
+    slider = fo.joined(tab, slider, name="slider")
+    found = fo.coherent_range(asked(slider, base, fo.Translation("z")), limit=9.0)
+    assert found.high == pytest.approx(1.99, abs=1e-9)
+    assert (found.last.kind, found.last.what) == ("overlap", "true faces of slider and base come to overlap")
+    assert found.low == -9.0
