@@ -308,16 +308,15 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
 
     Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
     """
-    pair, spans = problem.target, list[StateSpan]()
-    for sign in (-1.0, 1.0):
-        far = reach(problem, sign * along, limit)
-        end, floor = _span_of(problem, along, pair, far, clearance), DEFAULT.march * problem.size
-        found = nearer_than(problem, along, pair, clearance, sign * end, floor)
-        if found is None:
-            what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
-            raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
-        spans += [StateSpan(*own) for own in found]
-    spans = _of_solids(problem, along, pair, spans, [])[0]
+    pair = problem.target
+    back, ahead = (
+        sign * _span_of(problem, along, pair, reach(problem, sign * along, limit), clearance) for sign in (-1.0, 1.0)
+    )
+    found = nearer_than(problem, along, pair, clearance, (back, ahead), DEFAULT.march * problem.size)
+    if found is None:
+        what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
+        raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
+    spans = _of_solids(problem, along, pair, [StateSpan(*own) for own in found], [])[0]
     return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _facet_errors(problem))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 STEPS = 20_000  # along a ray, at most
-DRAWN = 256  # steps in which solids as drawn are looked at, at most, but for finer ones where they are near
+DRAWN = 128  # steps in which solids as drawn are looked at, at most, but for finer ones where they are near
 PLACES = 4  # at which true faces are looked at at first, on a stretch on which they may touch
 FINER = 1.0 / 32.0  # of such a stretch: no nearer are places between which the gap is neither convex nor concave
 MOST = 200  # of these in all
@@ -36,9 +36,9 @@ Stretch = tuple[Literal["apart", "overlapping"], float, float]
 
 
 def nearer_than(
-    problem: Problem, along: Array, pair: Array, clearance: float, end: float, least: float
+    problem: Problem, along: Array, pair: Array, clearance: float, ends: tuple[float, float], least: float
 ) -> list[Stretch] | None:
-    """Return when two solids are "apart" by a clearance, and when nearer, after motions x * along, x from 0 to `end`.
+    """Return when two solids are "apart" by a clearance, and when nearer, after motions x * along between two ends.
 
     None where it is not known how fast the motion moves corners: it is no sooner than these move by what lacks of the
     clearance or is left of it. By no less than `least`, a length: what lasts as short may be missed.
@@ -54,8 +54,8 @@ def nearer_than(
         solids = PlacedSolids(problem.movable, problem.static, pair, pose)
         return (0.0 if solids.nested else solids.distance) - clearance
 
-    found, side, here = list[Stretch](), math.copysign(1.0, end), excess(0.0)
-    x, start, end, step = 0.0, 0.0, abs(end), least
+    found, (x, end) = list[Stretch](), ends
+    start, here, step = x, excess(x), least
     state: Literal["apart", "overlapping"] = "overlapping" if here < -slack else "apart"
     for _ in range(STEPS):
         if x >= end:
@@ -63,16 +63,15 @@ def nearer_than(
         pacing.check()
         step = 2.0 * step if abs(here) <= slack else least
         ahead = min(x + max(abs(here), step) / fastest, end)
-        there = excess(side * ahead)
+        there = excess(ahead)
         if (there < -slack) != (state == "overlapping"):
             at = x if abs(here) < abs(there) else ahead  # one of which is at the clearance, to rounding
             if here * there < 0.0:
-                at = float(brentq(lambda own: excess(side * own), x, ahead))
+                at = float(brentq(excess, x, ahead))
             found.append((state, start, at))
             start, state = at, "apart" if state == "overlapping" else "overlapping"
         x, here = ahead, there
-    found.append((state, start, x))
-    return found if side > 0.0 else [(state, -high, -low) for state, low, high in found[::-1]]
+    return [*found, (state, start, x)]
 
 
 def apart_beyond(problem: Problem, along: Array, pair: Array, clearance: float = 0.0) -> float:
@@ -102,21 +101,20 @@ def true_overlaps(bodies: Problem, along: Array, apart: Sequence[tuple[float, fl
     asked = Exchange.of(bodies)
     if asked is None or not apart:
         return TrueOverlaps([], complete=asked is not None, proved=not apart)
-    drawn, pair = asked.facets, bodies.target
+    drawn, pair, overlaps = asked.facets, bodies.target, list[tuple[float, float]]()
     short = sum(x * deviation_of(body)[1] for x, body in zip(pair.tolist(), drawn.bodies, strict=False))
+    far = apart_beyond(drawn, along, pair, short) if math.inf in map(abs, (apart[0][0], apart[-1][1])) else math.inf
+    apart = [(max(low, -far), min(high, far)) for low, high in apart]
     fastest = 2.0 * moving_at_most(drawn, along, pair)(0.0, 1.0)[1]
-    near, step, far = list[tuple[float, float]](), short, apart_beyond(drawn, along, pair, short)
-    for last in (apart[0][0], apart[-1][1]):
-        end = last if math.isfinite(last) else math.copysign(far, last)
-        step = max(short, fastest * abs(end) / DRAWN)
-        found = nearer_than(drawn, along, pair, short + step, end, step) if end else []
-        if found is None:
+    step = max(short, fastest * sum(high - low for low, high in apart) / DRAWN)
+    looked = _Looked(asked, along, short + step)
+    for ends in apart:
+        near = nearer_than(drawn, along, pair, short + step, ends, step)
+        if near is None:
             return TrueOverlaps([], complete=False, proved=False)
-        near += [(low, high) for state, low, high in found if state == "overlapping"]
-    looked, overlaps = _Looked(asked, along, short + step), list[tuple[float, float]]()
-    for (low, high), (start, end) in product(apart, near):
-        if min(high, end) - max(low, start) > FINEST * DEFAULT.march * (high - low):
-            overlaps += looked.overlaps(max(low, start), min(high, end))
+        for state, low, high in near:
+            if state == "overlapping" and high - low > FINEST * DEFAULT.march * (ends[1] - ends[0]):
+                overlaps += looked.overlaps(low, high)
     two, holes = drawn.bodies[:2], any(own.concave for body in drawn.bodies[:2] for own in true_faces(body).patches)
     convex = drawn.motion.shifts and not holes and all(len(own.parts) == 1 and not own.is_surface for own in two)
     complete = len(looked.known) < MOST
