@@ -23,7 +23,7 @@ from fcdm_opt.geometry.tessellation import Swept, misses_of_each, onto_each
 from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
-LEVELS = 40  # of cuts
+LEVELS = 60  # of cuts
 MOST = 400_000  # pairs of pieces that are looked at: some seconds
 SOME = 200  # pairs whose corners tell what the distance is at most
 HALVINGS = 60  # of a side, to where it crosses a rim
@@ -32,6 +32,7 @@ IDENTITY = np.eye(4)
 CHUNK = 16_384  # pairs of pieces whose motions are looked at together
 SURELY = 1.0 + 1e-6  # what is rounded: a hundred times what second derivatives by differences are off
 MUCH = 0.01  # of its length: a side is cut as it leaves its surface by more
+FINE = 10.0  # times what another piece leaves its surface: a smaller one is not cut without that
 ASLANT = 0.1  # radians: faces that meet at less and not on their edge, as sizes moved them, cross nowhere near
 TURN = 2.0 * np.pi - 1e-6
 TRIM = 1.5  # times what the middle of a side leaves an edge, any point of it does at most: edges are conics
@@ -422,13 +423,16 @@ class FacesApart:
 
     def _cut(self, pairs: Ints, small: float, rather: Flags) -> None:
         """Cut the piece of each of some pairs that leaves its surface more, or is larger where both do by little."""
-        # or the one that is `rather` to be cut, (2, m)
+        # or the one that is `rather` to be cut, (2, m), once it is `FINE` with the other one
         i, j = pairs.T
         errors, sizes = zip(*((own.errors, norms(np.ptp(own.corners, axis=1))) for own in self._pieces), strict=True)
         wide = errors[0][i] + errors[1][j] <= small  # what is left is how large they are
         first = np.where(wide, sizes[0][i] >= sizes[1][j], errors[0][i] >= errors[1][j])
         first = np.where(rather[0] == rather[1], first, rather[0])
-        for k, chosen in enumerate((i[first], j[~first])):
+        both = (rather[0] != rather[1]) & np.where(
+            first, sizes[0][i] <= FINE * errors[1][j], sizes[1][j] <= FINE * errors[0][i]
+        )
+        for k, chosen in enumerate((i[first | both], j[~first | both])):
             rows = np.zeros(len(self._pieces[k].corners), bool)
             rows[chosen] = True
             if rows.any():

@@ -75,6 +75,17 @@ def test_a_tilted_peg_was_not_brought_to_touch_the_rim_of_its_bore(goal, start):
     assert found.parameters["TX"] == pytest.approx(0.0 if goal == "clear" and truth > 0.0 else truth, abs=1e-8)
 
 
+@pytest.mark.parametrize("tilt", [0.6, 0.9, 0.92])
+def test_the_least_shift_of_a_blade_to_the_rim_of_its_bore_was_said_to_be_of_the_mesh(tilt):
+    """Of "between .0016 and .0041": pieces of the plane about the bore were never cut, for smaller ones of the blade."""
+    pose, truth = TILT.transform(np.array([radians(tilt)]), *np.zeros((2, 3))), margin(4.8, 1.0, radians(tilt))
+    asked = fo.Problem(prism(4.8, 1.0, pose), bore(), motion=fo.Translation("x"), goal="touch", target=(1, 1))
+    found = fo.solve(asked)
+    assert found.amount == pytest.approx(truth, rel=1e-6)
+    assert found.left_by_mesh == ""
+    assert (1.0 - 1e-4) * truth <= found.amount_low <= (1.0 + 1e-9) * truth
+
+
 @pytest.mark.parametrize(("y", "facets"), [(4.97, 32), pytest.param(4.995, 24, marks=pytest.mark.slow)])
 def test_pins_that_pass_each_other_by_less_than_a_facet_overlapped_too_late(y, facets):
     pin, boss = (fo.Cylinder(r, 5, base=at, facets=facets) for r, at in ((2, (-10, y, 0)), (3, (0, 0, 0))))
