@@ -77,7 +77,7 @@ def test_a_tilted_peg_was_not_brought_to_touch_the_rim_of_its_bore(goal, start):
 
 @pytest.mark.parametrize("tilt", [0.6, 0.9, 0.92])
 def test_the_least_shift_of_a_blade_to_the_rim_of_its_bore_was_said_to_be_of_the_mesh(tilt):
-    """Of "between .0016 and .0041": pieces of the plane about the bore were never cut, for smaller ones of the blade."""
+    """It was "between .0016 and .0041": pieces of the plane about the bore were never cut, but those of the blade."""
     pose, truth = TILT.transform(np.array([radians(tilt)]), *np.zeros((2, 3))), margin(4.8, 1.0, radians(tilt))
     asked = fo.Problem(prism(4.8, 1.0, pose), bore(), motion=fo.Translation("x"), goal="touch", target=(1, 1))
     found = fo.solve(asked)
