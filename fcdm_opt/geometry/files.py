@@ -13,6 +13,7 @@ import os
 import re
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
@@ -24,7 +25,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.errors import InputError, checked_path, name_list, similar_name
-from fcdm_opt.geometry.arrays import LARGEST, Array, Ints, distinct_rows
+from fcdm_opt.geometry.arrays import LARGEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.closing import listed
 from fcdm_opt.geometry.flattening import flattened, onto_planes
 from fcdm_opt.geometry.measures import norms, short_decimals, unit_normals
@@ -40,10 +41,11 @@ WRITTEN = (".stl", ".obj", ".off")
 SINGLE = 8 * float(np.finfo(np.float32).eps)  # of the largest coordinate: how far corners may be off surfaces
 TRIES = 8  # to keep the deviation asked for of a STEP file
 _METRES = np.array(list(NANOMETRES.values())) / NANOMETRES["m"]
-# of a STEP file: the lists of control points of a spline surface, and a point
+# of a STEP file: a spline surface with the lists of its control points, the surface of a face, and a point
 _NET = re.compile(
-    rb"(?:B_SPLINE|BEZIER)_SURFACE(?:_WITH_KNOTS)?\s*\((?:\s*'[^']*'\s*,)?\s*\d+\s*,\s*\d+\s*,\s*\(((?:\s*\([#\d,\s]*\)\s*,?)+)"
+    rb"#(\d+)\s*=[^;=]*?(?:B_SPLINE|BEZIER)_SURFACE(?:_WITH_KNOTS)?\s*\((?:\s*'[^']*'\s*,)?\s*\d+\s*,\s*\d+\s*,\s*\(((?:\s*\([#\d,\s]*\)\s*,?)+)"
 )
+_FACE = re.compile(rb"(?:ADVANCED_FACE|FACE_SURFACE)\s*\([^;]*?#(\d+)\s*,\s*\.[TF]\.\s*\)\s*;")
 _POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([-+.\d\sEe,]+)\)")
 SINGLE_DIGITS = 9  # digits that tell all numbers of single precision apart
 DECIMALS = 15  # most that are looked at: more than double precision has of a length above 1
@@ -390,7 +392,9 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         if not glb:
             raise ValueError("no shape can be made of it")
         scene = _scene(glb)
-        sharp = [_sharpened(mesh, deviation, planes) for mesh, *_ in scene]
+        each = {id(mesh): _Faces.of(mesh) for mesh, *_ in scene}
+        sure = planes.sure([*each.values()]) if len(planes.normals) else None
+        sharp = [_sharpened(each[id(mesh)], deviation, planes, sure) for mesh, *_ in scene]
         off = np.max([own for _, own, *_ in sharp], axis=0, initial=0.0) if sharp else np.zeros(2)
         if deviation is None or tolerance is None or off.max() <= deviation:
             break
@@ -405,45 +409,84 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     return drawn._replace(off=(out, short), surfaces=Surfaces(known, other, SINGLE * largest))
 
 
-def _plane_splines(data: bytes) -> tuple[Array, Array]:
-    """Return normals (p, 3) and distances from the origin (p,) of the planes of splines with coplanar control points.
+class _Faces(NamedTuple):
+    """The faces of a mesh of a STEP file."""
 
-    In metres, as if the numbers of the STEP file were in each of the known units.
-    """
-    nets = [re.findall(rb"#(\d+)", own) for own in _NET.findall(data)]
+    points: Array  # each once, (n, 3)
+    same: Ints  # which of these each vertex of the mesh is
+    triangles: list[Ints]  # of each face
+    primitives: list[Any]  # of each face what is told of its surface; None where it is of no known kind
+    slack: float  # how far corners may be off surfaces, in single precision
+
+    @classmethod
+    def of(cls, mesh: Any) -> _Faces:
+        """Return those of a mesh."""
+        vertices = np.array(mesh.vertices)
+        first, same = distinct_rows(vertices)
+        triangles = same[mesh.faces]
+        owner = mesh.face_attributes.get("brep_index", np.full(len(triangles), -1))
+        order = np.argsort(owner, kind="stable")
+        faces = [triangles[own] for own in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)]
+        primitives = dict(enumerate(mesh.metadata.get("cascadio", {}).get("brep_primitives", [])))
+        found = [primitives.get(k) for k in np.unique(owner).tolist()]
+        return cls(vertices[first], same, faces, found, SINGLE * np.abs(vertices).max(initial=0.0))
+
+
+class _Planes(NamedTuple):
+    """Planes of splines with coplanar control points, in metres, as if numbers were in each of the known units."""
+
+    normals: Array  # (splines, 3)
+    heights: Array  # from the origin, (units, splines)
+    faces: Ints  # how many faces each spline is of, (splines,)
+
+    def holding(self, faces: _Faces) -> Flags:
+        """Tell which planes have all corners of which faces of no known kind, (units, splines, faces)."""
+        on = np.zeros((*self.heights.shape, len(faces.triangles)), bool)
+        for k, (primitive, own) in enumerate(zip(faces.primitives, faces.triangles, strict=True)):
+            if primitive is None:
+                off = faces.points[np.unique(own)] @ self.normals.T
+                on[..., k] = np.abs(off - self.heights[:, None]).max(axis=1) <= faces.slack
+        return on
+
+    def sure(self, each: Sequence[_Faces]) -> Flags:
+        """Tell which planes have no more faces of meshes in them than the file has faces of their splines."""
+        # another curved face may have all of its corners there: of a triangle that bulges within what meshes leave out
+        on = np.concatenate([self.holding(own) for own in each], axis=2)
+        planes = [np.unique(own, axis=0, return_inverse=True)[1].reshape(-1) for own in on]
+        most = [np.bincount(own, weights=self.faces)[own] for own in planes]
+        return np.asarray(on.sum(axis=2) <= np.array(most))
+
+
+def _plane_splines(data: bytes) -> _Planes:
+    """Return the planes of the splines of a STEP file that are flat."""
+    nets = [(name, re.findall(rb"#(\d+)", own)) for name, own in _NET.findall(data)]
     points = {name: [*map(float, own.split(b","))] for name, own in _POINT.findall(data)} if nets else {}
-    normals, heights = list[Array](), list[Array]()
-    for net in nets:
+    of_faces, found = Counter(_FACE.findall(data) if nets else ()), list[tuple[Array, float, int]]()
+    for spline, net in nets:
         corners = np.array([points[name] for name in net if name in points])
         if len(corners) == len(net) > 3:  # a spline is within the hull of these
             middle = corners.mean(axis=0)
             normal = np.linalg.svd(corners - middle, full_matrices=False)[2][2]
             if np.abs((corners - middle) @ normal).max() <= DEFAULT.weld * np.ptp(corners, axis=0).max():
-                normals += [normal] * len(_METRES)
-                heights.append(_METRES * float(middle @ normal))
-    return np.reshape(normals, (-1, 3)), np.concatenate([[], *heights])
+                found.append((normal, float(middle @ normal), of_faces[spline]))
+    normals, heights, counts = zip(*found, strict=True) if found else ((), (), ())
+    return _Planes(np.reshape(normals, (-1, 3)), np.outer(_METRES, heights), np.array(counts, np.int64))
 
 
 def _sharpened(
-    mesh: Any, deviation: float | None, planes: tuple[Array, Array]
+    faces: _Faces, deviation: float | None, planes: _Planes, sure: Flags | None
 ) -> tuple[Array, tuple[float, float], list[Swept], float]:
     """Return vertices of a mesh moved, within single precision, onto surfaces around them; how far triangles leave."""
     # that is measured at curved surfaces that are known, and the bound asked for at others; both come with it
-    vertices = np.array(mesh.vertices)
-    first, same = distinct_rows(vertices)
-    distinct, triangles = vertices[first], same[mesh.faces]
-    owner = mesh.face_attributes.get("brep_index", np.full(len(triangles), -1))
-    order = np.argsort(owner, kind="stable")
-    faces = [triangles[own] for own in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1)]
-    primitives = dict(enumerate(mesh.metadata.get("cascadio", {}).get("brep_primitives", [])))
-    found = [primitives.get(k) for k in np.unique(owner).tolist()]
-    known, slack = list[tuple[Swept, Ints]](), SINGLE * np.abs(vertices).max(initial=0.0)
-    for primitive, own in zip(found, faces, strict=True):
+    distinct, slack, known = faces.points, faces.slack, list[tuple[Swept, Ints]]()
+    on = planes.holding(faces) & sure[..., None] if sure is not None else None
+    for k, (primitive, own) in enumerate(zip(faces.primitives, faces.triangles, strict=True)):
         if primitive is not None:
             known.append((Swept.of(primitive), own))
-            continue
-        (on,) = np.nonzero(np.abs(distinct[np.unique(own)] @ planes[0].T - planes[1]).max(axis=0) <= slack)
-        known += [(Swept.plane(planes[1][k] * planes[0][k], planes[0][k]), own) for k in on[:1].tolist()]
+        elif on is not None and on[..., k].any():
+            unit, spline = np.argwhere(on[..., k])[0]
+            normal = planes.normals[spline]
+            known.append((Swept.plane(planes.heights[unit, spline] * normal, normal), own))
     moved = distinct.copy()
     if known:
         corners = [np.unique(own) for _, own in known]
@@ -456,11 +499,11 @@ def _sharpened(
         moved[far] = distinct[far]
     curved = [surface.deviations(moved[own]) for surface, own in known if not surface.flat]
     left, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
-    if len(known) < len(faces):
-        bound = DEFAULT.tessellation * float(np.ptp(vertices, axis=0).max()) if deviation is None else deviation
+    if len(known) < len(faces.triangles):
+        bound = DEFAULT.tessellation * float(np.ptp(distinct, axis=0).max()) if deviation is None else deviation
         left.append(np.full(2, bound))
     out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
-    return moved[same], (out, short), [surface for surface, _ in known], bound
+    return moved[faces.same], (out, short), [surface for surface, _ in known], bound
 
 
 @contextmanager

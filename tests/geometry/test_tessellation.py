@@ -120,6 +120,37 @@ def test_faces_of_a_loft_that_are_plane_were_taken_for_curved_ones(tmp_path: Pat
     assert read(tmp_path, splined(points, SIDES, unit, 0.01), unit=unit).deviation[1] >= 0.01 / 4
 
 
+@pytest.mark.parametrize(("height", "unit"), [(0.0, "mm"), (0.05, "mm"), (0.09, "mm"), (0.09, "in")])
+def test_a_bulge_between_corners_in_the_plane_of_a_flat_spline_was_taken_for_flat(tmp_path, height, unit) -> None:
+    """The top of a cube in two triangles, over one of them 27 h u v (1 - u - v): h in its middle, 0 on its sides.
+
+    Its meshes, true to a hundredth of the size, have its corners alone, which are in the plane of the other triangle.
+    """
+    corners = 10.0 * np.array([*product((0, 1), (0, 1), (0, 1))], float)
+    quads = [(0, 2, 6, 4), (0, 4, 5, 1), (2, 3, 7, 6), (0, 1, 3, 2), (4, 6, 7, 5)]
+    faces, numbers, added = iter([*quads, (1, 5, 3), (5, 7, 3)]), count(9001), list[str]()
+
+    def surface(plane: re.Match[str]) -> str:
+        a, b, c, *more = corners[[*next(faces)]]
+        if more:
+            return plane.group()
+        net, linear, square = list[str](), (0.0, 0.5, 1.0), (0.0, 0.0, 1.0)
+        for i, j in product(range(3), range(3)):
+            rise = linear[i] * linear[j] - square[i] * linear[j] - linear[i] * square[j]
+            x = a + linear[i] * (b - a) + linear[j] * (c - a) + (0, 0, 27 * height * rise * (len(added) < 9))
+            added.append(f"#{(number := next(numbers))} = CARTESIAN_POINT('',({','.join(f'{own:.9f}' for own in x)}));")
+            net.append(f"#{number}")
+        rows = ",".join(f"({','.join(net[k : k + 3])})" for k in (0, 3, 6))
+        rest = ".UNSPECIFIED.,.F.,.F.,.F.,(3,3),(3,3),(0.,1.),(0.,1.),.UNSPECIFIED."
+        return f"B_SPLINE_SURFACE_WITH_KNOTS('',2,2,({rows}),{rest})"
+
+    text = re.sub(r"PLANE\(''[^)]*\)", surface, polyhedron(corners, [*quads, (1, 5, 3), (5, 7, 3)], unit))
+    body, end, tail = text.rpartition("ENDSEC;")
+    found = read(tmp_path, "\n".join([body, *added, end]) + tail, unit=unit)
+    assert len(found.vertices) == 8  # of the solid, not of a bulge
+    assert found.deviation == (0.0, 0.0) if not height else found.deviation[1] >= height
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SURFACES)
 def test_triangles_leave_a_surface_by_what_a_fine_grid_of_points_finds(kind: str) -> None:
