@@ -375,15 +375,16 @@ class TrueSizes:
         firsts = [len(body.parts) - len(own) for body, own in zip(self.bodies, self._piece_points, strict=True)]
         meeting = list(zip(self._meeting_pieces(), zip(*self.points, strict=True), strict=True))
         added, known = list[PairRows](), dict[tuple[tuple[int, ...], ...], bool]()
-        replaced = set[tuple[int, int]]()
+        meet = list[tuple[tuple[int, int], tuple[list[int], ...]]]()
         for own in found.pairs if all(size.scale is None for size in self.sizes) else ():
             pieces = tuple(k if k >= first else None for k, first in zip(own.parts, firsts, strict=True))
             points = next((both for each, both in meeting if pieces in each), None)
             if points is None or pieces == (None, None):
                 continue
             feature = found.feature(own, 0)
-            sides = zip((0, 1), points, pieces, (feature.one, feature.two), strict=True)
-            for met in product(*(self._swept(*own) for own in sides)):
+            sides = [*zip((0, 1), points, pieces, (feature.one, feature.two), strict=True)]
+            meet.append((own.parts, tuple(self._met(*side) for side in sides)))
+            for met in product(*(self._swept(*side) for side in sides)):
                 names, both = zip(*met, strict=True)
                 if names not in known:
                     rows, convex = self._around(met, points, pose, along), not any(own.concave for own in both)
@@ -391,8 +392,8 @@ class TrueSizes:
                     for few in [rows] if known[names] else [[own] for own in rows]:
                         values, normals = map(np.array, zip(*few, strict=True))
                         added.append(PairRows((0, 0), values, normals, [], [feature] * len(few)))
-                if known[names]:
-                    replaced.add(own.parts)
+        whole = [names for names, convex in known.items() if convex]  # edges with the faces that meet there
+        replaced = {parts for parts, own in meet for names in whole if all(map(_of_one, names, own))}
         last = [len(body.parts) for body in self.bodies]  # each by itself, as of pieces that are not made
         numbered = (own._replace(parts=(last[0] + k, last[1] + k)) for k, own in enumerate(added))
         return replace(found, pairs=(*(own for own in found.pairs if own.parts not in replaced), *numbered))
@@ -405,6 +406,10 @@ class TrueSizes:
             for body in self.bodies
         ]
 
+    def _met(self, role: int, point: Array, piece: int | None, element: Element) -> list[int]:
+        """Return the patches that meet at a point as drawn; where it is beyond them those of the contact there."""
+        return self.faces[role].faces.at(point) or [*(self._patches(role, element) if piece is None else ())]
+
     def _swept(
         self, role: int, point: Array, piece: int | None, element: Element
     ) -> list[tuple[tuple[int, ...], Patch]]:
@@ -413,7 +418,8 @@ class TrueSizes:
         met = faces.at(point)
         if piece is not None:
             return [((k,), faces.patches[k]) for k in met if faces.is_round[k]]
-        if len(met) != 2 or faces.is_round[met].any() or not {*met} <= self._patches(role, element):
+        named = self._patches(role, element)  # of one of the faces where the edge is at the end of its normals
+        if len(met) != 2 or faces.is_round[met].any() or not ({*met} <= named or named <= {*met}):
             return []
         axis = np.cross(faces.patches[met[0]].surface.axis, faces.patches[met[1]].surface.axis)
         return [((*met,), Patch(Swept(point, axis / norms(axis), (1.0, 0.0), 0.0, 0.0), 1.0))]
@@ -461,12 +467,16 @@ class TrueSizes:
         (directions, share), added = _directions(-moved if convex else moved, near), list[tuple[Array, Array]]()
         if (convex or 2 in map(len, names)) and share > NARROW:  # far off the axis
             return []
-        if convex:  # exact where gaps are least and largest
+        if convex:  # exact where gaps are least and largest, and at the ends of an edge's normals
             sizes = zip(self.sizes, odd.T[1:], strict=False)
             corners = product(*(own.tolerance or (0.0,) if rate.any() else (0.0,) for own, rate in sizes))
             places = np.array([*islice(corners, CORNERS)])
             centres = odd[:, 0] + places @ odd.T[1 : 1 + len(widths)]
             directions = np.vstack([directions, centres / np.linalg.norm(centres, axis=1)[:, None]])
+            for own, patches, turn, sign in zip(self.faces, names, turns, (1.0, -1.0), strict=True):
+                of_edge = [own.faces.patches[k] for k in patches if len(patches) == 2]
+                looks = [frame @ turn @ (sign * x.side * x.surface.axis) for x in of_edge]
+                directions = np.vstack([directions, *looks])
         self.between = max(self.between, share * float(np.linalg.norm(moved, axis=0).sum()))
         for shares in directions:
             n = shares @ frame
@@ -564,6 +574,11 @@ class TrueSizes:
         start = own.gap - float(rates @ place)
         ends = np.sort(rates[:, None] * box, axis=1).sum(axis=0)
         return bool(np.abs(start + ends).max() <= DEFAULT.tie * self.size)
+
+
+def _of_one(names: tuple[int, ...], met: list[int]) -> bool:
+    """Tell whether a contact is of a round face among those met, or of an edge or a face of it."""
+    return bool(met) and ({*met} <= {*names} if len(names) > 1 else names[0] in met)
 
 
 def _meeting(faces: TrueFaces, patches: Sequence[int], point: Array) -> tuple[list[int], Array]:
