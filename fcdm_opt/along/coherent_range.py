@@ -19,7 +19,7 @@ from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve, relativ
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, expected, known_arguments, placed
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.geometry.facet_errors import is_plane_there, round_surfaces
+from fcdm_opt.geometry.facet_errors import is_plane_there, known_to, round_surfaces
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
 from fcdm_opt.model.true_faces import exact_where
@@ -98,10 +98,13 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     first, last : Event
         The events at low and high.
     proved : bool
-        Whether every step was covered by bounds, which it is unless something touches zero where the march starts.
+        Whether every step was covered by bounds, which it is unless something touches zero where the march starts, or
+        true faces are looked at place by place.
+    known_to : tuple of str
+        Where round faces are followed as facets: how far gaps of the true parts may be off those, as drawn.
     """
 
-    plain_names: ClassVar[tuple[str, ...]] = ("direction", "features", "low", "high", "events", "proved")
+    plain_names: ClassVar[tuple[str, ...]] = ("direction", "features", "low", "high", "events", "proved", "known_to")
     plain_kinds: ClassVar[Mapping[str, Any]] = {"direction": Mapping[str, float]}
 
     problem: Problem
@@ -110,6 +113,7 @@ class CoherentRange(Ends, Plain, NotebookRepr):
     first: Event
     last: Event
     proved: bool
+    known_to: tuple[str, ...] = ()
     _followed: tuple[Followed, ...] = field(repr=False, default=())
 
     def __str__(self) -> str:
@@ -243,7 +247,14 @@ def coherent_range(
         return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
     problem = with_contact_closed(problem)
-    return _on_true_faces(problem, along, limit) or _of_facets(problem, along, limit)
+    if (found := _on_true_faces(problem, along, limit)) is not None:
+        return found
+    return replace(_of_facets(problem, along, limit), known_to=facet_errors_of(problem))
+
+
+def facet_errors_of(problem: Problem) -> tuple[str, ...]:
+    """Return how far gaps of facets may be off those of true faces; nothing where the bodies are exact on these."""
+    return tuple(known_to(problem.movable, [problem.static], problem.unit))
 
 
 def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> CoherentRange | None:
@@ -262,13 +273,15 @@ def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> Coher
         return None
     ends = iter([float(q @ along / (along @ along)) for q in touches])
     first, end = (replace(own, x=next(ends)) if math.isfinite(own.x) else own for own in last[0].events)
-    for start, stop in true_overlaps(exact, along, [(first.x, end.x)]).stretches:
+    overlaps = true_overlaps(exact, along, [(first.x, end.x)])
+    for start, stop in overlaps.stretches:
         what = f"true faces of {problem.movable.name} and {problem.static.name} come to overlap"
         if stop <= 0.0:
             first = Event(stop, "overlap", what, features=last[0].features)
         elif start >= 0.0 and start < end.x:
             end = Event(start, "overlap", what, features=last[0].features)
-    found = replace(last[0], first=first, last=end)
+    found = replace(last[0], first=first, last=end, proved=last[0].proved and overlaps.proved)
+    found = found if overlaps.complete else replace(found, known_to=facet_errors_of(problem))
     sizes = [found.rho(x) for x in (found.low, found.high) if math.isfinite(x)]
     return found if np.abs(np.array(sizes) - found.rho(0.0)).max(initial=0.0) <= DEFAULT.nominal else None
 
@@ -297,7 +310,9 @@ def _of_facets(problem: Problem, along: Array, limit: float | None) -> CoherentR
         if problem is asked:
             break
     (first, before), (last, after) = found
-    return CoherentRange(problem, along, tuple(own.feature for own in tracked), first, last, before and after, tracked)
+    return CoherentRange(
+        problem, along, tuple(own.feature for own in tracked), first, last, before and after, _followed=tracked
+    )
 
 
 def with_contact_closed(problem: Problem) -> Problem:

@@ -19,6 +19,7 @@ from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import (
     Reach,
     checked_direction,
+    facet_errors_of,
     motion_of,
     needed_question,
     of_bodies,
@@ -36,7 +37,6 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.solids import PlacedSolids, kept_as_surface
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.model.true_faces import exact_where
@@ -253,7 +253,7 @@ def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array
     kept = {x: own for x, own in met.items() if not any(a - least <= x <= b + least for a, b in found.stretches)}
     for x in {x for own in joined for x in (own.low, own.high)} - {*times.searched, *kept}:
         kept[x] = met.get(x) or _touch_between_facets(bodies, x, times)
-    known, proved = () if found.complete else _facet_errors(bodies.of_facets), times.proved and found.proved
+    known, proved = () if found.complete else facet_errors_of(bodies.of_facets), times.proved and found.proved
     ordered = tuple(kept[x] for x in sorted(kept))
     return replace(times, spans=joined, touches=ordered, proved=proved, known_to=known)
 
@@ -295,12 +295,7 @@ def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> 
         touches.pop()
     spans, touches = _of_solids(problem, along, pair, spans, [*touches, *ahead.touches])
     proved = back.proved and ahead.proved
-    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved, _facet_errors(problem))
-
-
-def _facet_errors(problem: Problem) -> tuple[str, ...]:
-    """Return how far gaps of facets may be off those of true faces; nothing where the bodies are exact on these."""
-    return tuple(known_to(problem.movable, [problem.static], problem.unit))
+    return ContactTimes(problem, along, pair, tuple(spans), tuple(touches), {}, proved, facet_errors_of(problem))
 
 
 def _times_clear(problem: Problem, along: Array, clearance: float, limit: float | None) -> ContactTimes:
@@ -317,7 +312,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
         what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
         raise InputError(what, key="keep_out", found=problem.static.name, allowed="a keep-out without clearance")
     spans = _of_solids(problem, along, pair, [StateSpan(*own) for own in found], [])[0]
-    return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, _facet_errors(problem))
+    return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, facet_errors_of(problem))
 
 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:

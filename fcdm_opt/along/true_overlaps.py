@@ -130,7 +130,7 @@ class _Looked:
         self.known = dict[float, tuple[float, float]]()
 
     def at(self, x: float) -> tuple[float, float]:
-        """Return the gap at x, no more than the band, and its slope."""
+        """Return the gap at x, the band where true faces are farther apart, and its slope."""
         if x not in self.known:
             pacing.check()
             self.known[x] = self._asked.gap_and_slope(x * self._along, self._along, self._band)

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.geometry.facet_errors import gaps_off, is_plane_there, known_to
+from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
@@ -184,11 +184,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         else:
             what = f"{steps}{'; there,' if event.x else ':'} {event.what}"
         told.append(f"{side}: {what}")
-    features = [*coherent.features, *(feature for event in coherent.events for feature in event.successors)]
-    one, two = problem.movable, problem.static
-    plane = all(is_plane_there(one, own.one) and is_plane_there(two, own.two) for own in features)
-    why = [] if plane else known_to(one, [two], problem.unit)
-    return [*told, *(f"round faces are followed as facets; {line}" for line in why)]
+    return [*told, *(f"round faces are followed as facets; {line}" for line in coherent.known_to)]
 
 
 def shared_range_texts(found: AssemblyRange) -> list[str]:

@@ -123,3 +123,13 @@ def test_a_contact_lasted_beyond_a_boss_that_a_tab_meets_between_facet_and_arc(s
     assert found.high == pytest.approx(1.99, abs=1e-9)
     assert (found.last.kind, found.last.what) == ("overlap", "true faces of slider and base come to overlap")
     assert found.low == -9.0
+
+
+def test_plain_data_of_a_range_of_facets_were_without_how_far_they_are_off():
+    pin, wall = fo.Cylinder(4.0, 20.0, facets=24, name="pin"), fo.Box((4.0, 20.0, 60.0), centre=(6.0, 0.0, 10.0))
+    found = fo.coherent_range(asked(pin, wall, fo.Translation("z")))
+    (line,) = found.known_to
+    assert "the facets of pin" in line
+    assert found.to_dict()["known_to"] == [line]
+    assert f"round faces are followed as facets; {line}" in str(found)
+    assert fo.CoherentRange.from_dict(found.to_dict(), found.problem).known_to == (line,)
