@@ -254,7 +254,12 @@ def stack_notes(stack: StackUp) -> list[str]:
     restored = stack.loop is not None and stack.loop.is_restored
     notes = {closed: restored, free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
     but = "and not counted" + ", though with them no pair is within the limits" * stack.is_outside_limits_when_closed
-    return [*not_counted(stack.standing, but), *(note for note, holds in notes.items() if holds)]
+    fits = (
+        f"{name} is a fit, as drawn line to line: its play is {signed(low)} to {measured(signed(high), stack.unit)} a "
+        "side, and the gap is that of parts in its middle"
+        for name, (low, high) in stack.fits.items()
+    )
+    return [*not_counted(stack.standing, but), *fits, *(note for note, holds in notes.items() if holds)]
 
 
 def commented_out_sizes(path: Path) -> str:

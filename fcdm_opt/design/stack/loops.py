@@ -2,6 +2,8 @@
 
 Where motions only shift, gaps of contacts are affine in the sizes p and the motions q. Parts rest on each other: all
 contacts but the one that is asked about stay closed, c + S p + D q = 0, by the least motions q(p) with which they do.
+Contacts that oppose each other, as all around a shaft as wide as its bore, are a fit, which sizes open or close all
+around, c + S p + D q = u: its play u(p), the same of all its rows, no motion closes, and parts are in its middle.
 """
 
 from __future__ import annotations
@@ -16,16 +18,18 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes, check_sizes
 from fcdm_opt.curve.true_sizes import touching_true_faces
-from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, relations_of
+from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, range_of, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
+
+FIT = "fit: "  # before the name of a contact whose gap is the play of a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +49,7 @@ class Loop:
     sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
     parts: tuple[str, str] = ("", "")  # of an assembly, the two by name
     is_restored: bool = False  # whether motions close the gap, whatever it is at rest
+    fits: tuple[GapClaims, ...] = ()  # those of `closed` whose gap is the play of a fit
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
@@ -88,7 +93,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     gaps, base, slopes = _rows_of_motions(assembly)
-    box, relations = gaps.sizes.box, relations_of(assembly)
+    fits, relations = _fits(gaps, base.normals), relations_of(assembly)
+    weights = np.array([own.weight for own in assembly.coordinates])
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
 
     def opened(chosen: int, times: Array | float = 1.0) -> tuple[Array, Array]:
@@ -97,7 +103,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         The least ones by the motions' weights, or by so many times these.
         """
         own = np.array([line.relation == chosen for line in gaps.lines], bool)
-        motions = _closed(assembly, times, base.values[~own], slopes[~own], box)
+        motions = _closed(gaps, times * weights, np.flatnonzero(~own), base, slopes, fits)
         return motions, base.values[own] + slopes[own] @ motions
 
     if of is None:
@@ -130,14 +136,15 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         is_exact = any(body.exact is not None for body in touching.bodies)
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
-    still = tuple(own for k in range(len(asked)) if k != chosen for own in _claims(gaps, k, motions, assembly.sizes))
+    still = [own for k in range(len(asked)) if k != chosen for own in _claims(gaps, k, drawn, motions, assembly.sizes)]
     times = np.arange(1.0, slopes.shape[1] + 1.0)  # any weights but the ones asked for
     off = opened(chosen, times)[0] - motions
     along = relation.motion.ways(relation.movable.seed, relation.static.seed)
     gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes, pair, chosen >= 0)
+    return Loop(touching, claim, gaps.exact and touching.as_drawn, tuple(still), weighted, assembly.sizes, pair,
+                chosen >= 0, tuple(own for own in still if own.least != own.largest))  # fmt: skip
 
 
 def decisive(assembly: Assembly, places: Array) -> Array:
@@ -147,8 +154,8 @@ def decisive(assembly: Assembly, places: Array) -> Array:
     and at one the motion is the largest. Raises `InputError` as `assembly_loop`.
     """
     gaps, base, slopes = _rows_of_motions(assembly)
-    motions = _closed(assembly, 1.0, base.values, slopes, gaps.sizes.box)
     weights = np.array([own.weight for own in assembly.coordinates])
+    motions = _closed(gaps, weights, np.arange(len(slopes)), base, slopes, _fits(gaps, base.normals))
     amounts = np.linalg.norm(weights * (motions[:, 0] + places @ motions[:, 1:].T), axis=1)
     least = [assembly_loop(assembly, own).touching.gap(places) for own in assembly.kept_clear]
     near = [np.flatnonzero(own <= own.min() + DEFAULT.tie * assembly.size) for own in (*least, -amounts)]
@@ -177,23 +184,53 @@ def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence
     return replace(gaps.claim(relation, [*range(len(sizes))], pose), sizes=every, shift=moved[1:])
 
 
-def _claims(gaps: ContactGaps, chosen: int, motions: Array, sizes: Sequence[Size]) -> Iterator[GapClaims]:
-    """Yield what is told of each contact of a relation that stays closed."""
-    middle, claim = gaps.sizes.middle, _claim(gaps, gaps.relations[chosen], motions, sizes)
+def _claims(
+    gaps: ContactGaps, chosen: int, drawn: AffineGaps, motions: Array, sizes: Sequence[Size]
+) -> Iterator[GapClaims]:
+    """Yield what is told of each contact of a relation that stays closed, or has the play of its fit."""
+    still, claim = (0.0, gaps.sizes.middle), _claim(gaps, gaps.relations[chosen], motions, sizes)
+    near = DEFAULT.touch * gaps.size
     for own in gaps.claims(gaps.transforms(motions[:, 0])):
         if own.bodies == claim.bodies and own.contact is not None:
-            ends = (0.0, middle)
-            yield replace(claim, contact=own.contact, name=f"closed: {own.name}", least=ends, largest=ends,
-                          told=lambda places: np.zeros(len(places)))  # fmt: skip
+            rows = gaps.contacts[chosen, own.contact[0]]
+            play = AffineGaps(drawn.values[rows], drawn.normals[rows])
+            ends = range_of(play, gaps.sizes.box, None)
+            least, largest = (still, still) if max(abs(gap) for gap, _ in ends) <= near else ends
+            name = f"{'closed: ' if least is largest else FIT}{own.name}"
+            yield replace(claim, contact=own.contact, permanent_faces=own.permanent_faces, name=name, least=least,
+                          largest=largest, told=play.gaps)  # fmt: skip
 
 
-def _closed(assembly: Assembly, times: Array | float, values: Array, slopes: Array, box: Array) -> Array:
-    """Return the least motions that close contacts, (q, 1 + k): at sizes of 0, and by each."""
-    weights = times * np.array([own.weight for own in assembly.coordinates])
-    motions = -(np.linalg.pinv(slopes / weights, rcond=DEFAULT.nominal) @ values) / weights[:, None]
-    left = np.abs(values + slopes @ motions)
-    open_ = left[:, 0] + left[:, 1:] @ np.abs(box).max(axis=1)
-    if open_.max(initial=0.0) > DEFAULT.touch * assembly.size:
-        what = "the other contacts cannot all be closed at once within these tolerances"
+def _fits(gaps: ContactGaps, normals: Array) -> Array:
+    """Return which rows are of which fit, 0 or 1, (m, f).
+
+    Rows of two parts that oppose each other, a mixture of their normals being zero: of those the smallest sets that no
+    mixture has a part in two of, as the two walls of a slot, or all directions around a bore.
+    """
+    from scipy.optimize import nnls
+    from scipy.sparse.csgraph import connected_components
+
+    found, relations = [np.empty((len(normals), 0))], np.array([line.relation for line in gaps.lines])
+    for k in range(len(gaps.relations)):
+        own = np.flatnonzero(relations == k)
+        own = own[[nnls(normals[own].T, -n)[1] <= DEFAULT.snap for n in normals[own]]]
+        shared = normals[own] @ np.linalg.pinv(normals[own])  # which parts into blocks as the sets do
+        count, of = connected_components(np.abs(shared) > DEFAULT.snap, directed=False) if len(own) else (0, own)
+        found.append(np.zeros((len(normals), count)))
+        found[-1][own, of] = 1.0
+    return np.hstack(found)
+
+
+def _closed(gaps: ContactGaps, weights: Array, rows: Ints, base: AffineGaps, slopes: Array, fits: Array) -> Array:
+    """Return the least motions that close rows, but for the play of fits, (q, 1 + k): at sizes of 0, and by each."""
+    values, slopes, fits = base.values[rows], slopes[rows], fits[rows]
+    unknown = -np.linalg.pinv(np.hstack([slopes / weights, -fits]), rcond=DEFAULT.nominal) @ values
+    motions = unknown[: len(weights)] / weights[:, None]
+    off = np.abs(values + slopes @ motions - fits @ unknown[len(weights) :])
+    open_ = off[:, 0] + off[:, 1:] @ np.abs(gaps.sizes.box).max(axis=1)
+    if open_.max(initial=0.0) > DEFAULT.touch * gaps.size:
+        lines = [gaps.lines[k] for k in rows[open_ > DEFAULT.touch * gaps.size].tolist()]
+        named = "; ".join(dict.fromkeys(gaps.words(own.relation, own.feature) for own in lines))
+        what = f"the other contacts cannot all be closed at once within these tolerances: {named}"
         raise InputError(what, key="of", found=float(open_.max()), allowed="two parts whose contacts close this loop")
     return np.asarray(motions)

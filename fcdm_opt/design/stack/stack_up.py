@@ -12,7 +12,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.allocation import Allocation, allocated
-from fcdm_opt.design.stack.loops import Loop, assembly_loop, of_all_faces, pair_loop
+from fcdm_opt.design.stack.loops import FIT, Loop, assembly_loop, of_all_faces, pair_loop
 from fcdm_opt.design.stack.spread import (
     GapSpread,
     GapYield,
@@ -238,6 +238,16 @@ class StackUp:
     def weighted(self) -> tuple[str, ...]:
         """Motions that closed contacts leave free and that the gap depends on: it is that of the least, by weights."""
         return () if self.loop is None else self.loop.weighted
+
+    @property
+    def fits(self) -> dict[str, tuple[float, float]]:
+        """Least and largest play a side, by words, of contacts as all around a shaft as wide as its bore.
+
+        Of an assembly, whose other contacts motions close. Parts are in the middle of it: what it lets them move is not
+        counted.
+        """
+        fits = () if self.loop is None else self.loop.fits
+        return {own.name.removeprefix(FIT): (own.least[0], own.largest[0]) for own in fits if own.least and own.largest}
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -478,6 +488,7 @@ class StackUp:
             "rows": self.rows,
             "standing": self.standing,
             "weighted": self.weighted,
+            "fits": self.fits,
             "worst": self.worst(),
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
@@ -502,7 +513,8 @@ def stack_up(
 
     Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
     contacts closed by motions, which must only shift. Of several such motions the least are taken, by their weights:
-    `StackUp.weighted` names those, where the gap depends on which are.
+    `StackUp.weighted` names those, where the gap depends on which are. A shaft as wide as its bore, which sizes open or
+    close all around, is in its middle: `StackUp.fits`.
 
     Parameters
     ----------
