@@ -196,10 +196,8 @@ def _rates(stack: StackUp, contact: str) -> str:
     """Return what rows of a contact change a unit of each size as text, from where to where by their directions."""
     own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == contact])
     ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
-    told = (
-        (name, dict.fromkeys((signed(low), signed(high)))) for name, low, high in ends if max(-low, high) > DEFAULT.tie
-    )
-    return ", ".join(f"{name} {' to '.join(rates)}" for name, rates in told)
+    moved = ((name, signed(low), signed(high)) for name, low, high in ends if max(-low, high) > DEFAULT.tie)
+    return ", ".join(f"{name} {' to '.join(dict.fromkeys(rates))}" for name, *rates in moved)
 
 
 def noise_of(bodies: Sequence[Body]) -> float:

@@ -263,13 +263,17 @@ class StackUp:
     @cached_property
     def off(self) -> tuple[float, float]:
         """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
-        exact = self.loop is not None and self.loop.exact
-        return (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        exact, second = self.loop is not None and self.loop.exact, 0.0 if self.loop is None else self.loop.second_order
+        out, short = (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        return out + second, short + second
 
     @property
     def known_to(self) -> list[str]:
         """How near gaps are known in words, with the reason; nothing where they are exact."""
         found = known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
+        if self.loop is not None and self.loop.second_order:
+            off = measured(self.loop.second_order, self.unit, 2)
+            found.append(f"parts turn, and gaps are of first order in the sizes: up to {off} off at corners of these")
         if self.touching.between > self._rounding:
             off = measured(self.touching.between, self.unit, 2)
             found.append(f"but at the worst cases gaps may be up to {off} smaller: of all directions some have rows")
@@ -512,9 +516,10 @@ def stack_up(
     its normal.
 
     Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
-    contacts closed by motions, which must only shift. Of several such motions the least are taken, by their weights:
-    `StackUp.weighted` names those, where the gap depends on which are. A shaft as wide as its bore, which sizes open or
-    close all around, is in its middle: `StackUp.fits`.
+    contacts closed by motions. Where these turn it is of first order in the sizes, and `StackUp.known_to` says by how
+    much that may be off. Of several such motions the least are taken, by their weights: `StackUp.weighted` names those,
+    where the gap depends on which are. A shaft as wide as its bore, which sizes open or close all around, is in its
+    middle: `StackUp.fits`.
 
     Parameters
     ----------
