@@ -151,7 +151,7 @@ class TrueContact(NamedTuple):
             return [tuple(map(tuple, own)) for own in zip(*met, strict=True)]
 
         at = patches(range(len(found)))
-        straight = [k for k, own in enumerate(at) if _may_be_straight(found[k].points, own, faces, pose)]
+        straight = [k for k, own in enumerate(at) if _may_be_straight(found[k], own, faces, pose)]
         for k in straight:
             points[k] = ends_of_line(found[k], faces, scales, pose).mean(axis=0)
         for k, own in zip(straight, patches(straight), strict=True):
@@ -161,16 +161,15 @@ class TrueContact(NamedTuple):
         ]
 
 
-def _may_be_straight(points: Array, met: Sequence[Sequence[int]], faces: Sequence[TrueFaces], pose: Array) -> bool:
-    """Tell whether two faces that meet at a contact face each other there, and are not both plane."""
+def _may_be_straight(
+    near: NearestPoints, met: Sequence[Sequence[int]], faces: Sequence[TrueFaces], pose: Array
+) -> bool:
+    """Tell whether two faces that meet at a contact face each other along its normal, and are not both plane."""
     one, two = (
-        [(own.patches[k].surface.flat, own.patches[k].gaps(x[None])[1][0]) for k in numbers]
-        for own, x, numbers in zip(faces, points, met, strict=True)
+        [own.patches[k].surface.flat for k in numbers if own.patches[k].gaps(x[None])[1][0] @ n > 1.0 - DEFAULT.nominal]
+        for own, x, numbers, n in zip(faces, near.points, met, (near.normal @ pose[:3, :3], -near.normal), strict=True)
     )
-    opposite = DEFAULT.nominal
-    return any(
-        not (flat and other) and (pose[:3, :3] @ n) @ m < -opposite for (flat, n), (other, m) in product(one, two)
-    )
+    return bool(one and two) and not (all(one) and all(two))
 
 
 def ends_of_line(
@@ -302,7 +301,8 @@ class TrueSizes:
         """Return sizes as at a place but for those that move round faces, (k,) each: these touch where they go to."""
         # those that shift them at their other end, and each at both; those that offset them where that is outwards
         box = np.array([own.tolerance for own in self.sizes], float)
-        columns = [k for own in self.faces for k in own.shifts]
+        carrying = np.flatnonzero(norms(self.carried) > DEFAULT.nominal).tolist()
+        columns = list(dict.fromkeys([*(k for own in self.faces for k in own.shifts), *carrying]))
         found = np.tile(place, (2 + 2 * len(columns), 1))
         found[0, columns] = box[columns].sum(axis=1) - place[columns]
         for row, (k, end) in enumerate(product(columns, (0, 1)), 2):

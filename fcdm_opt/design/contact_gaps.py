@@ -254,7 +254,7 @@ class ContactGaps:
         for (k, feature), own in self.contacts.items():
             claim = self.claim(self.relations[k], self.columns[k], transforms[k])
             gaps = AffineGaps(rows.values[own][:, [0, *(1 + column for column in self.columns[k])]], rows.normals[own])
-            least, largest = _range(gaps, claim.box, claim.listed)
+            least, largest = range_of(gaps, claim.box, claim.listed)
             contact = feature, self._parts(self.lines[own[0]]), rows.normals[own[0]]
             if (met := self._pairs_met(self.relations[k])) is not None:  # each contact without all other faces
                 one, two = (range(len(true_faces(body).patches)) for body in claim.bodies)
@@ -423,7 +423,7 @@ def _whole(body: Body, part: int) -> int:
     return part if body.full_body is None else body.part_indices[part]
 
 
-def _range(rows: AffineGaps, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
+def range_of(rows: AffineGaps, box: Array, listed: Array | None) -> tuple[tuple[float, Array], tuple[float, Array]]:
     """Return the least and the largest separation of a contact over all sizes, and where."""
     if listed is not None:
         gaps = rows.gaps(listed)

@@ -140,12 +140,13 @@ def told_element(body: Body, element: Element) -> str:
     body = body.full_body or body
     if body.exact is not None:
         rows, points = rows_of_element(body, element), body.vertices[np.array(element.vertices) - 1]
-        exactly, body = body.piece_of(element) is not None, body.exact.facets
+        off, body = _off_true_faces(body, element, points), body.exact.facets
         if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
-            if element.kind == "F" or exactly:
+            on = [row for row in rows if off.get(row, np.inf) <= DEFAULT.touch * body.size]
+            if element.kind == "F" or len(on) == 1 or (off and not on):
                 return told_element(body, Element("F", body.faces[rows[0]]))
             named = names_of_rows(body)
-            sides, along = [named[row] for row in rows], points[0] + ALONG * (points[-1] - points[0])
+            sides, along = [named[row] for row in on or rows], points[0] + ALONG * (points[-1] - points[0])
             if not any(" radius " in side for side in sides):  # a chord, as across a bore that it is beside somewhere
                 sides = [named[row] for row in _rows_near(body, along) if " radius " in named[row]] or sides
             return _edge_or_corner(element.kind, sides, [*map(_place, points)])
@@ -164,13 +165,19 @@ def rows_of_element(body: Body, element: Element) -> list[int]:
     """Return the rows of the faces of a body, as drawn, that an element is of, that which names it first."""
     body = body.full_body or body
     drawn = body.of_facets
-    if (piece := body.piece_of(element)) is not None:
-        rows, arms = [*piece.rows], np.diff(body.vertices[np.array(element.vertices) - 1], axis=0)
-        off = np.abs(piece.normals @ arms.T).max(axis=1, initial=0.0)  # of its corners from each of the true faces
-        return sorted(rows, key=lambda row: off[rows.index(row)] > DEFAULT.touch * body.size)
+    if off := _off_true_faces(body, element, body.vertices[np.array(element.vertices) - 1]):
+        return sorted(off, key=lambda row: off[row] > DEFAULT.touch * body.size)
     if max(element.vertices) > len(drawn.vertices):
         return _rows_near(drawn, body.vertices[np.array(element.vertices) - 1].mean(axis=0)[None])
     return [row for row in rows_at(drawn, element) if row >= 0]
+
+
+def _off_true_faces(body: Body, element: Element, points: Array) -> dict[int, float]:
+    """Return how far an element leaves each of the true faces at whose point it is, by their rows; none of others."""
+    if (piece := body.piece_of(element)) is None:
+        return {}
+    off = np.abs(piece.normals @ np.diff(points, axis=0).T).max(axis=1, initial=0.0)
+    return dict(zip(piece.rows, off.tolist(), strict=True))
 
 
 def _rows_near(body: Body, points: Array) -> list[int]:

@@ -55,7 +55,7 @@ class GapClaims:
     # what numbers of a place are, also of other bodies; without any they are the scales of both bodies
     sizes: tuple[Size, ...]
     transform: Array  # (4, 4): of the movable body
-    shift: Array | None = None  # (k, 3), optional: how it is shifted besides, a unit of each size
+    moved: Callable[[Array], Array] | None = None  # optional: its pose, (4, 4), at a place, where that is not the same
     # least, largest: the ends of the range of the gap, and where they are, (k,); without them only keep-outs count
     least: tuple[float, Array] | None = None
     largest: tuple[float, Array] | None = None
@@ -64,6 +64,7 @@ class GapClaims:
     # the gaps, (n,), that are told there. Without one only the range is told
     told: Callable[[Array], Array] | None = None
     within: float = 0.0  # by how much these may be off, as is told
+    second_order: float = 0.0  # by how much all gaps may be off, as is told
     permanent: Sequence[tuple[int, int]] = ()  # part pairs that are not counted
     # with them the gap is that of the true faces, without these patches of both, by number in `true_faces`
     permanent_faces: frozenset[tuple[int, int]] | None = None
@@ -86,7 +87,7 @@ class GapClaims:
 
     def _checks(self) -> tuple[Check, ...]:
         """Return the same without what is `beside`."""
-        slack = DEFAULT.touch * max(body.size for body in self.bodies)
+        slack = DEFAULT.touch * max(body.size for body in self.bodies) + self.second_order
         if self.permanent_faces is not None:  # surfaces are taken from corners with the digits of files
             slack += max(body.rounding for body in self.bodies)
         others = _spread(self.box) if self.listed is None else self.listed
@@ -147,9 +148,7 @@ class GapClaims:
         return float(scaled_pair(movable, body).signed_distances(scales, self._pose(place)[None])[0])
 
     def _pose(self, place: Array) -> Array:
-        pose = self.transform.copy()
-        pose[:3, 3] += 0.0 if self.shift is None else place @ self.shift
-        return pose
+        return self.transform if self.moved is None else self.moved(place)
 
     def _gaps(self, place: Array) -> tuple[float, float, float] | None:
         """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""

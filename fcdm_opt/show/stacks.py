@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -35,11 +34,10 @@ if TYPE_CHECKING:
     from fcdm_opt.design.stack.spread import GapYield
     from fcdm_opt.design.stack.stack_up import RootSumSquare, SizeShare, StackUp
 
-MANY = 32  # rows of a contact from which on they are of directions all around
 MOST_LISTED = 200  # faces of a body that are printed
 MOST_BARS, FINE, WIDER, CORNERS, LONGEST, SIZE = 12, 161, 1.5, 8, 64, 22
 BEYOND = "* beyond the worst case, which holds for all pairs within their tolerances"
-DRAWN, DRAWN_ZERO, RARE = "as drawn", 2e-3, 5e-5
+DRAWN, SCALED, DRAWN_ZERO, RARE = "as drawn", "as scaled", 2e-3, 5e-5
 """Sizes that get a bar, points a side of a slice, how much wider than the tolerances a slice is, corners of a face that
 are listed, letters of a name and of a line of one; what a mean over pairs drawn is zero below, of the largest; and the
 share of pairs that is printed as none."""
@@ -183,28 +181,23 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
     for told in stack_notes(stack):
         print_text(told)
         print_text()
-    alike, counts = Counter[tuple[str, str, str]](), Counter(row.told for row in stack.rows)
-    for row in stack.rows:
-        moved = {name: own for name, own in row.coefficients.items() if abs(own) > DEFAULT.tie}
-        sizes = _by_direction(stack, row.told) if counts[row.told] > MANY else _sizes(moved)
-        alike[row.told, signed(row.gap, least=noise), sizes or "no size moves it"] += 1
-    kinds = {contact: "directions" if count > MANY else "alike" for contact, count in counts.items()}
-    contacts = stack.contacts
+    contacts, head = stack.contacts, DRAWN if all(own.at_scale is None for own in stack.touching.bodies) else SCALED
     print_rows([
         {
-            "no.": str(contacts.index(contact) + 1) * (len(contacts) > 1),
-            "contact": shortened(contact, LONGEST) + (f" ({count} {kinds[contact]})" if count > 1 else ""),
-            "as drawn": gap, "gap per unit of each size": wrapped(sizes, LONGEST),
+            "no.": str(k) * (len(contacts) > 1), "contact": shortened(contact, LONGEST),
+            head: signed(float(stack.of_contact(k).gap({})), least=noise),
+            "gap per unit of each size": wrapped(_rates(stack, contact) or "no size moves it", LONGEST),
         }
-        for (contact, gap, sizes), count in alike.items()
-    ], numbers=("as drawn",), optional=("no.",))  # fmt: skip
+        for k, contact in enumerate(contacts, 1)
+    ], numbers=(head,), optional=("no.",))  # fmt: skip
 
 
-def _by_direction(stack: StackUp, contact: str) -> str:
-    """Return from where to where rows of a contact change a unit of each size, as text."""
+def _rates(stack: StackUp, contact: str) -> str:
+    """Return what rows of a contact change a unit of each size as text, from where to where by their directions."""
     own = np.array([[*row.coefficients.values()] for row in stack.rows if row.told == contact])
     ends = zip(stack.names, own.min(axis=0).tolist(), own.max(axis=0).tolist(), strict=True)
-    return ", ".join(f"{name} {signed(low, 3)} to {signed(high, 3)}" for name, low, high in ends if high > low)
+    moved = ((name, signed(low), signed(high)) for name, low, high in ends if max(-low, high) > DEFAULT.tie)
+    return ", ".join(f"{name} {' to '.join(dict.fromkeys(rates))}" for name, *rates in moved)
 
 
 def noise_of(bodies: Sequence[Body]) -> float:
@@ -254,7 +247,12 @@ def stack_notes(stack: StackUp) -> list[str]:
     restored = stack.loop is not None and stack.loop.is_restored
     notes = {closed: restored, free: bool(stack.weighted), kept: bool(stack.keep_out), beyond: factor < 1.0}
     but = "and not counted" + ", though with them no pair is within the limits" * stack.is_outside_limits_when_closed
-    return [*not_counted(stack.standing, but), *(note for note, holds in notes.items() if holds)]
+    fits = (
+        f"{name} is a fit, as drawn line to line: its play is {signed(low)} to {measured(signed(high), stack.unit)} a "
+        "side, and the gap is that of parts in its middle"
+        for name, (low, high) in stack.fits.items()
+    )
+    return [*not_counted(stack.standing, but), *fits, *(note for note, holds in notes.items() if holds)]
 
 
 def commented_out_sizes(path: Path) -> str:

@@ -184,7 +184,7 @@ def test_the_judge_moves_the_parts_as_their_sizes_do() -> None:
     forged = replace(stack, touching=replace(stack.touching, pairs=(wrong,)))
     assert {check.name for check in fo.verify(forged).failed} >= {"least gap", "gap at sampled sizes"}
     loop = stack.loop
-    still = tuple(replace(own, shift=np.zeros((3, 3))) for own in loop.closed)
+    still = tuple(replace(own, moved=None) for own in loop.closed)
     forged = replace(stack, loop=replace(loop, closed=still))
     assert any(check.name.startswith("closed: ") for check in fo.verify(forged).failed)
 

@@ -446,3 +446,43 @@ def test_an_edge_next_to_a_rod_at_the_end_of_its_normals_was_told_by_its_face(y,
     ends = [truth(*low[:2], 0.04), truth(*high[:2], -0.04)]
     assert [stack.worst().least, stack.worst().largest] == pytest.approx(ends, abs=1e-9)
     assert fo.verify(stack).passed
+
+
+def test_a_stack_up_lists_each_contact_in_one_row() -> None:
+    """An edge in a bore had one a direction, up to 33, as w and t turn its normal; at scales nothing is as drawn."""
+    blade = fo.Box((9.6, 2, 30), name="blade").with_seed((0, 0, 0))
+    collet = fo.cut(fo.Cylinder(9, 20, base=(0, 0, -10)), fo.Cylinder(5, 30, base=(0, 0, -15)), name="collet")
+    sizes = [
+        fo.Size(name, "movable", faces=[f"{side}{axis}" for side in "+-"], tolerance=0.1, each=0.5)
+        for name, axis in zip("wt", "xy", strict=True)
+    ]
+    sizes.append(fo.Size("b", "static", faces="bore radius 5", each=-0.5, tolerance=0.02))
+    for scale, head in ((1.0, "as drawn"), (1.001, "as scaled")):
+        asked = fo.Problem(
+            blade,
+            collet.with_seed((0, 0, 0)),
+            sizes=sizes,
+            target=(scale, 1.0),
+            goal="clear",
+            motion=fo.Translation("x"),
+        )
+        stack = fo.stack_up(asked)
+        lines = str(stack).splitlines()
+        at = next(k for k, line in enumerate(lines) if "gap per unit of each size" in line)
+        assert head in lines[at]
+        rows = [line for line in lines[at + 2 :] if line.strip()]
+        assert len(rows) == len(stack.contacts) <= len(stack.rows)
+        assert all(f"{5.0 - scale * np.hypot(4.8, 1.0):+.4g}" in row and "b +0.5" in row for row in rows)
+
+
+def test_a_contact_at_a_rim_is_named_by_the_rim() -> None:
+    """A ball of 5 over a hole of 4, .2 higher than where it touches its rim: it was told as the bore."""
+    ball = fo.Sphere(5.0, centre=(0, 0, 3.2), name="ball")
+    plate = fo.cut(fo.Box((30, 30, 8), centre=(0, 0, -4)), fo.Cylinder(4.0, 20, base=(0, 0, -15)), name="plate")
+    size = fo.Size("r", "movable", faces="sphere radius 5", tolerance=0.01)
+    stack = fo.stack_up(fo.Problem(ball, plate, sizes=[size], made={}, goal="clear", motion=fo.Translation("z")))
+    assert stack.gap({}) == pytest.approx(np.hypot(4.0, 3.2) - 5.0, abs=1e-9)
+    (contact,) = stack.contacts
+    assert contact.startswith("sphere of radius 5 of ball, edge between ")
+    assert "bore of radius 4" in contact
+    assert "top" in contact

@@ -2,6 +2,12 @@
 
 Where motions only shift, gaps of contacts are affine in the sizes p and the motions q. Parts rest on each other: all
 contacts but the one that is asked about stay closed, c + S p + D q = 0, by the least motions q(p) with which they do.
+Contacts that oppose each other, as all around a shaft as wide as its bore, are a fit, which sizes open or close all
+around, c + S p + D q = u: its play u(p), the same of all its rows, no motion closes, and parts are in its middle.
+
+Where motions turn, D is the derivative, and gaps are of first order in the sizes: of two faces along each other each
+corner of what they have in common has a row. How far that is off is looked at in corners of the tolerances, parts moved
+until the contacts are closed there, and is said.
 """
 
 from __future__ import annotations
@@ -9,23 +15,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
+from itertools import islice, product
 from typing import Any
 
 import numpy as np
 
-from fcdm_opt.curve.touching_sizes import ChangedShapeError, TouchingSizes, check_sizes
+from fcdm_opt.curve.touching_sizes import ChangedShapeError, PairRows, TouchingSizes, check_sizes
 from fcdm_opt.curve.true_sizes import touching_true_faces
-from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, relations_of
+from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, range_of, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.facet_errors import round_surfaces
+from fcdm_opt.geometry.polygons import inside
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
+
+ClosedAt = Callable[[tuple[float, ...]], Array]
+"""Motions with which contacts are closed at sizes."""
+CORNERS, NEWTON, TURN = 64, 6, 1e-3
+"""Corners of the sizes that are looked at, steps until contacts are closed there, and that of derivatives, radians."""
+FIT = "fit: "  # before the name of a contact whose gap is the play of a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +60,8 @@ class Loop:
     sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
     parts: tuple[str, str] = ("", "")  # of an assembly, the two by name
     is_restored: bool = False  # whether motions close the gap, whatever it is at rest
+    fits: tuple[GapClaims, ...] = ()  # those of `closed` whose gap is the play of a fit
+    second_order: float = 0.0  # how far gaps are off, at most, where parts turn
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
@@ -85,10 +102,11 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     The assembly has sizes, each with a tolerance; its parts count at the scales made. The gap is that of the two parts
     that `of` names, by default those of the only contact of goal "clear", or without one those of the only contact that
     sizes open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError`
-    where motions turn, where contacts cannot all be closed within the tolerances, and for parts that are none.
+    where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     gaps, base, slopes = _rows_of_motions(assembly)
-    box, relations = gaps.sizes.box, relations_of(assembly)
+    fits, relations = _fits(gaps, base.normals), relations_of(assembly)
+    weights = np.array([own.weight for own in assembly.coordinates])
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
 
     def opened(chosen: int, times: Array | float = 1.0) -> tuple[Array, Array]:
@@ -97,7 +115,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         The least ones by the motions' weights, or by so many times these.
         """
         own = np.array([line.relation == chosen for line in gaps.lines], bool)
-        motions = _closed(assembly, times, base.values[~own], slopes[~own], box)
+        motions = _closed(gaps, times * weights, np.flatnonzero(~own), base, slopes, fits)[0]
         return motions, base.values[own] + slopes[own] @ motions
 
     if of is None:
@@ -118,26 +136,50 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
             raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
         pair = named[0]
     chosen = asked.index(pair) if pair in asked else -1
-    motions = opened(chosen)[0]
-    relation = relations[pair]
-    claim = _claim(gaps, relation, motions, assembly.sizes)
-    drawn = AffineGaps(base.values + slopes @ motions, base.normals)
+    rows = np.array([k for k, line in enumerate(gaps.lines) if line.relation != chosen], np.int64)
+    motions, closing = _closed(gaps, weights, rows, base, slopes, fits)
+    relation, drawn = relations[pair], AffineGaps(base.values + slopes @ motions, base.normals)
+
+    @lru_cache(maxsize=256)
+    def closed_at(sizes: tuple[float, ...]) -> Array:
+        """Return the motions with which contacts are closed at sizes, those of first order where parts only shift."""
+        q, place = motions[:, 0] + motions[:, 1:] @ sizes, np.array([sizes])
+        for _ in range(0 if assembly.shifts else NEWTON):
+            q = q + (closing @ gaps.rows(gaps.transforms(q)).heights(place)[rows, 0])[: len(q)] / weights
+        return q
+
+    claim, second = _claim(gaps, relation, motions, assembly.sizes, closed_at), 0.0
     contacts = partial(gaps.touching, drawn, claim.transform, chosen) if chosen >= 0 else None
-    touching = replace(
-        of_all_faces(relation, claim.sizes, contacts, transform=claim.transform, carried=claim.shift), sizes=claim.sizes
-    )
+    if assembly.shifts:
+        directions = relation.motion.ways(relation.movable.seed, relation.static.seed)
+        how = {"transform": claim.transform, "carried": motions[:, 1:].T @ directions}
+        found = of_all_faces(relation, claim.sizes, contacts, **how)
+        rates = np.vstack([own.normals for own in found.pairs]) @ directions.T
+    elif contacts is not None:
+        found, own = contacts(), np.flatnonzero([line.relation == chosen for line in gaps.lines])
+        rates = slopes[own]
+        for place in _corners(gaps.sizes.box):
+            there = gaps.rows(gaps.transforms(closed_at(tuple(place.tolist()))))
+            second = max(second, float(np.abs((there.heights(place[None]) - drawn.heights(place[None]))[own]).max()))
+    else:
+        found, rates, second = _turned(relation, claim, motions, closed_at)
+    second += _bent(gaps, motions) if not assembly.shifts else 0.0
+    claim = replace(claim, second_order=second)
+    touching = replace(found, sizes=claim.sizes)
     if not touching.as_drawn:
         is_exact = any(body.exact is not None for body in touching.bodies)
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
-    still = tuple(own for k in range(len(asked)) if k != chosen for own in _claims(gaps, k, motions, assembly.sizes))
+    each = (own for k in range(len(asked)) if k != chosen
+            for own in _claims(gaps, k, drawn, motions, assembly.sizes, closed_at))  # fmt: skip
+    still = [replace(own, second_order=second) for own in each]
     times = np.arange(1.0, slopes.shape[1] + 1.0)  # any weights but the ones asked for
     off = opened(chosen, times)[0] - motions
-    along = relation.motion.ways(relation.movable.seed, relation.static.seed)
-    gap_off = np.abs(np.vstack([own.normals for own in touching.pairs]) @ along.T @ off).max(axis=0)
+    gap_off = np.abs(rates @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(touching, claim, gaps.exact and touching.as_drawn, still, weighted, assembly.sizes, pair, chosen >= 0)
+    return Loop(touching, claim, gaps.exact and touching.as_drawn, tuple(still), weighted, assembly.sizes, pair,
+                chosen >= 0, tuple(own for own in still if own.least != own.largest), second)  # fmt: skip
 
 
 def decisive(assembly: Assembly, places: Array) -> Array:
@@ -147,8 +189,8 @@ def decisive(assembly: Assembly, places: Array) -> Array:
     and at one the motion is the largest. Raises `InputError` as `assembly_loop`.
     """
     gaps, base, slopes = _rows_of_motions(assembly)
-    motions = _closed(assembly, 1.0, base.values, slopes, gaps.sizes.box)
     weights = np.array([own.weight for own in assembly.coordinates])
+    motions = _closed(gaps, weights, np.arange(len(slopes)), base, slopes, _fits(gaps, base.normals))[0]
     amounts = np.linalg.norm(weights * (motions[:, 0] + places @ motions[:, 1:].T), axis=1)
     least = [assembly_loop(assembly, own).touching.gap(places) for own in assembly.kept_clear]
     near = [np.flatnonzero(own <= own.min() + DEFAULT.tie * assembly.size) for own in (*least, -amounts)]
@@ -158,42 +200,170 @@ def decisive(assembly: Assembly, places: Array) -> Array:
 def _rows_of_motions(assembly: Assembly) -> tuple[ContactGaps, AffineGaps, Array]:
     """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
     check_sizes(assembly.sizes)
-    if not assembly.shifts:
-        what = "loops of contacts are linear in the sizes where motions only shift, and one of these turns"
-        raise InputError(what, key="motions", found=list(assembly.motions), allowed="translations")
     names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
     gaps, count = ContactGaps(assembly, Sizes(box), names, own=True), len(assembly.coordinates)
     base = gaps.rows(gaps.transforms(np.zeros(count)))
-    each = [gaps.rows(gaps.transforms(q)).values[:, 0] - base.values[:, 0] for q in np.eye(count)]
-    return gaps, base, np.column_stack(each)
+    step = 1.0 if assembly.shifts else TURN  # of shifts all are exact
+    return gaps, base, _derivative(lambda q: gaps.rows(gaps.transforms(q)).values[:, 0], np.zeros(count), step)
 
 
-def _claim(gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size]) -> GapClaims:
+def _derivative(of: Callable[[Array], Array], at: Array, step: float) -> Array:
+    """Return how an array changes a unit of each of some motions, (..., q), by differences of the fourth order."""
+    each = ((of(at + h) - of(at - h), of(at + 2.0 * h) - of(at - 2.0 * h)) for h in step * np.eye(len(at)))
+    return np.stack([(8.0 * near - far) / (12.0 * step) for near, far in each], axis=-1)
+
+
+def _corners(box: Array) -> Iterator[Array]:
+    """Yield corners of a box of sizes, `CORNERS` at most."""
+    yield from map(np.array, islice(product(*box.tolist()), CORNERS))
+
+
+def _bent(gaps: ContactGaps, motions: Array) -> float:
+    """Return how far contacts of round faces are off at corners of the sizes: they are closed at points as drawn."""
+    radii = (abs(own.radius) + abs(own.ring) for task in gaps.tasks for body in (task.movable, task.static)
+             for own, _ in round_surfaces(body))  # fmt: skip
+    turns = _derivative(lambda q: np.array(gaps.transforms(q))[:, :3, :3], motions[:, 0], TURN)
+    angles = (
+        np.linalg.norm(turns @ motions[:, 1:] @ place, 2, axis=(1, 2)).max() for place in _corners(gaps.sizes.box)
+    )
+    return float(max(angles, default=0.0) ** 2 * max(radii, default=0.0))
+
+
+def _turned(
+    relation: Problem, claim: GapClaims, motions: Array, closed_at: ClosedAt
+) -> tuple[TouchingSizes, Array, float]:
+    """Return rows at rest with what motions change to first order, the rates by these, (m, q), and what they are off.
+
+    That is the most at corners of the sizes: of where points are, of how far they slip along a face that turns, and of
+    the gap that is along its normal.
+    """
+    start, drawn, movable = motions[:, 0], np.linalg.inv(claim.transform), claim.bodies[0]
+    pairs, points, rates = list[PairRows](), list[Array](), list[Array]()
+
+    def pose(q: Array) -> Array:
+        return relation.motion.transform(q, relation.movable.seed, relation.static.seed)
+
+    moves = np.einsum("xyq,yz->qxz", _derivative(pose, start, TURN), drawn)
+    corners = np.pad(movable.vertices, ((0, 0), (0, 1)), constant_values=1.0) @ claim.transform.T
+    widest = motions[:, 1:] * np.abs(claim.box).max(axis=1)
+    far = np.linalg.norm(np.einsum("qk,qxy,cy->kcx", widest, moves[:, :3], corners), axis=2).sum(axis=0).max()
+    shifts = np.eye(3), np.tile([-far, far], (3, 1))  # with rows of all that parts turned may come near to
+    found = of_all_faces(relation, claim.sizes, None, transform=claim.transform, shifts=shifts)
+    found = replace(found, ranges=np.empty((0, 2)))
+    for own in found.pairs:
+        each = []
+        for row, (values, n) in enumerate(zip(own.values[:, :-3], own.normals, strict=True)):
+            met = _met(found, own, row, DEFAULT.tie * movable.size)
+            rates.append(-np.einsum("x,qxy,cy->cq", n, moves[:, :3], met))
+            points.append(np.hstack([met, np.tile([*n, values[0]], (len(met), 1))]))
+            turned = rates[-1] @ motions[:, 1:]
+            each.append(values + np.pad(np.where(np.abs(turned) > DEFAULT.tie, turned, 0.0), ((0, 0), (1, 0))))
+        features = [found.feature(own, row) for row in range(len(each))]
+        kept = np.arange(len(each))
+        if np.prod([float(len(rows)) for rows in each]) > CORNERS:  # no gap is less than that of one row
+            kept = kept[[own.values[:, 0].argmax()]]
+        for rows in product(*(each[row] for row in kept)):
+            one, two = (len(body.parts) + len(pairs) for body in found.bodies)  # each by itself
+            normals, met_there = own.normals[kept], [features[row] for row in kept]
+            pairs.append(PairRows((one, two), np.array(rows), normals, [], met_there))
+    second, every = 0.0, np.vstack(points)
+    for place in _corners(found.box):
+        linear = np.tensordot(motions[:, 1:] @ place, moves, 1)[:3]
+        exact = (pose(closed_at(tuple(place.tolist()))) @ drawn - np.eye(4))[:3]
+        angle, moved, n = np.linalg.norm(linear[:, :3], 2), every[:, :4] @ linear.T, every[:, 4:7]
+        off = np.abs(((every[:, :4] @ exact.T - moved) * n).sum(axis=1))
+        slip = np.linalg.norm(np.cross(moved, n), axis=1)
+        second = max(second, float((off + angle * slip + angle**2 / 2.0 * np.abs(every[:, 7])).max()))
+    return replace(found, pairs=tuple(pairs), as_drawn=True), np.vstack(rates), second
+
+
+def _met(found: TouchingSizes, own: PairRows, row: int, near: float) -> Array:
+    """Return corners of what two parts have in common seen along a row's normal, homogeneous, (c, 4)."""
+    n, sides, feature = own.normals[row], list[Array](), found.feature(own, row)
+    frame = np.linalg.svd(n[None])[2][1:]
+    poses = zip(found.bodies, own.parts, (feature.one, feature.two), (found.transform, np.eye(4)), (n, -n), strict=True)
+    for body, part, element, at, out in poses:
+        known = part < len(body.parts)
+        points = body.parts[part].vertices if known else body.vertices[np.array(element.vertices) - 1]
+        points = points @ at[:3, :3].T + at[:3, 3]
+        points = points[points @ out >= (points @ out).max() - near]
+        across = (points - points.mean(axis=0)) @ frame.T
+        sides.append(points[np.argsort(np.arctan2(across[:, 1], across[:, 0]))])
+    sides.sort(key=len)
+    few, many = sides
+    normal = n * np.sign(n @ np.cross(*frame))  # about which corners are in order
+    common = inside(few, many, normal, near) if len(many) > 2 else few
+    return np.pad(common if len(common) else few.mean(axis=0)[None], ((0, 0), (0, 1)), constant_values=1.0)
+
+
+def _claim(
+    gaps: ContactGaps, relation: Problem, motions: Array, sizes: Sequence[Size], closed_at: ClosedAt
+) -> GapClaims:
     """Return what is told of two parts, moved as sizes do, but for their gap."""
-    moved = motions.T @ relation.motion.ways(relation.movable.seed, relation.static.seed)  # (1 + k, 3)
-    pose, mine = np.eye(4), {size.name: size for size in relation.sizes}
-    pose[:3, 3] = moved[0]
+    seeds, mine = (relation.movable.seed, relation.static.seed), {size.name: size for size in relation.sizes}
     every = tuple(mine.get(own.name) or replace(own, body="another part") for own in sizes)
-    return replace(gaps.claim(relation, [*range(len(sizes))], pose), sizes=every, shift=moved[1:])
+    claim = gaps.claim(relation, [*range(len(sizes))], relation.motion.transform(motions[:, 0], *seeds))
+
+    def moved(place: Array) -> Array:
+        return relation.motion.transform(closed_at(tuple(np.asarray(place, float).tolist())), *seeds)
+
+    return replace(claim, sizes=every, moved=moved)
 
 
-def _claims(gaps: ContactGaps, chosen: int, motions: Array, sizes: Sequence[Size]) -> Iterator[GapClaims]:
-    """Yield what is told of each contact of a relation that stays closed."""
-    middle, claim = gaps.sizes.middle, _claim(gaps, gaps.relations[chosen], motions, sizes)
+def _claims(
+    gaps: ContactGaps, chosen: int, drawn: AffineGaps, motions: Array, sizes: Sequence[Size], closed_at: ClosedAt
+) -> Iterator[GapClaims]:
+    """Yield what is told of each contact of a relation that stays closed, or has the play of its fit."""
+    still, claim = (0.0, gaps.sizes.middle), _claim(gaps, gaps.relations[chosen], motions, sizes, closed_at)
+    near = DEFAULT.touch * gaps.size
     for own in gaps.claims(gaps.transforms(motions[:, 0])):
         if own.bodies == claim.bodies and own.contact is not None:
-            ends = (0.0, middle)
-            yield replace(claim, contact=own.contact, name=f"closed: {own.name}", least=ends, largest=ends,
-                          told=lambda places: np.zeros(len(places)))  # fmt: skip
+            rows = gaps.contacts[chosen, own.contact[0]]
+            play = AffineGaps(drawn.values[rows], drawn.normals[rows])
+            ends = range_of(play, gaps.sizes.box, None)
+            least, largest = (still, still) if max(abs(gap) for gap, _ in ends) <= near else ends
+            name = f"{'closed: ' if least is largest else FIT}{own.name}"
+            yield replace(claim, contact=own.contact, permanent_faces=own.permanent_faces, name=name, least=least,
+                          largest=largest, told=play.gaps)  # fmt: skip
 
 
-def _closed(assembly: Assembly, times: Array | float, values: Array, slopes: Array, box: Array) -> Array:
-    """Return the least motions that close contacts, (q, 1 + k): at sizes of 0, and by each."""
-    weights = times * np.array([own.weight for own in assembly.coordinates])
-    motions = -(np.linalg.pinv(slopes / weights, rcond=DEFAULT.nominal) @ values) / weights[:, None]
-    left = np.abs(values + slopes @ motions)
-    open_ = left[:, 0] + left[:, 1:] @ np.abs(box).max(axis=1)
-    if open_.max(initial=0.0) > DEFAULT.touch * assembly.size:
-        what = "the other contacts cannot all be closed at once within these tolerances"
-        raise InputError(what, key="of", found=float(open_.max()), allowed="two parts whose contacts close this loop")
-    return np.asarray(motions)
+def _fits(gaps: ContactGaps, normals: Array) -> Array:
+    """Return which rows are of which fit, 0 or 1, (m, f).
+
+    Rows of two parts that oppose each other, a mixture of their normals being zero: of those the smallest sets that no
+    mixture has a part in two of, as the two walls of a slot, or all directions around a bore.
+    """
+    from scipy.optimize import nnls
+    from scipy.sparse.csgraph import connected_components
+
+    found, relations = [np.empty((len(normals), 0))], np.array([line.relation for line in gaps.lines])
+    for k in range(len(gaps.relations)):
+        own = np.flatnonzero(relations == k)
+        own = own[[nnls(normals[own].T, -n)[1] <= DEFAULT.snap for n in normals[own]]]
+        shared = normals[own] @ np.linalg.pinv(normals[own])  # which parts into blocks as the sets do
+        count, of = connected_components(np.abs(shared) > DEFAULT.snap, directed=False) if len(own) else (0, own)
+        found.append(np.zeros((len(normals), count)))
+        found[-1][own, of] = 1.0
+    return np.hstack(found)
+
+
+def _closed(
+    gaps: ContactGaps, weights: Array, rows: Ints, base: AffineGaps, slopes: Array, fits: Array
+) -> tuple[Array, Array]:
+    """Return the least motions that close rows, but for the play of fits, (q, 1 + k): at sizes of 0, and by each.
+
+    And what makes weighted motions, and plays, of the rows' gaps, (q + f, m).
+    """
+    values, slopes, fits = base.values[rows], slopes[rows], fits[rows]
+    closing = -np.linalg.pinv(np.hstack([slopes / weights, -fits]), rcond=DEFAULT.nominal)
+    unknown = closing @ values
+    motions = unknown[: len(weights)] / weights[:, None]
+    off = np.abs(values + slopes @ motions - fits @ unknown[len(weights) :])
+    open_ = off[:, 0] + off[:, 1:] @ np.abs(gaps.sizes.box).max(axis=1)
+    if open_.max(initial=0.0) > DEFAULT.touch * gaps.size:
+        lines = [gaps.lines[k] for k in rows[open_ > DEFAULT.touch * gaps.size].tolist()]
+        named = "; ".join(dict.fromkeys(gaps.words(own.relation, own.feature) for own in lines))
+        what = f"the other contacts cannot all be closed at once within these tolerances: {named}"
+        allowed = "two parts whose contacts close this loop; where parts turn, feet with round or pointed ends"
+        raise InputError(what, key="of", found=float(open_.max()), allowed=allowed)
+    return motions, closing

@@ -12,7 +12,7 @@ import numpy as np
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.stack.allocation import Allocation, allocated
-from fcdm_opt.design.stack.loops import Loop, assembly_loop, of_all_faces, pair_loop
+from fcdm_opt.design.stack.loops import FIT, Loop, assembly_loop, of_all_faces, pair_loop
 from fcdm_opt.design.stack.spread import (
     GapSpread,
     GapYield,
@@ -240,6 +240,16 @@ class StackUp:
         return () if self.loop is None else self.loop.weighted
 
     @property
+    def fits(self) -> dict[str, tuple[float, float]]:
+        """Least and largest play a side, by words, of contacts as all around a shaft as wide as its bore.
+
+        Of an assembly, whose other contacts motions close. Parts are in the middle of it: what it lets them move is not
+        counted.
+        """
+        fits = () if self.loop is None else self.loop.fits
+        return {own.name.removeprefix(FIT): (own.least[0], own.largest[0]) for own in fits if own.least and own.largest}
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """The two parts of an assembly that the gap is of, by name; () of a problem of two parts."""
         return () if self.loop is None else (*filter(None, self.loop.parts),)
@@ -253,13 +263,17 @@ class StackUp:
     @cached_property
     def off(self) -> tuple[float, float]:
         """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
-        exact = self.loop is not None and self.loop.exact
-        return (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        exact, second = self.loop is not None and self.loop.exact, 0.0 if self.loop is None else self.loop.second_order
+        out, short = (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        return out + second, short + second
 
     @property
     def known_to(self) -> list[str]:
         """How near gaps are known in words, with the reason; nothing where they are exact."""
         found = known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
+        if self.loop is not None and self.loop.second_order:
+            off = measured(self.loop.second_order, self.unit, 2)
+            found.append(f"parts turn, and gaps are of first order in the sizes: up to {off} off at corners of these")
         if self.touching.between > self._rounding:
             off = measured(self.touching.between, self.unit, 2)
             found.append(f"but at the worst cases gaps may be up to {off} smaller: of all directions some have rows")
@@ -478,6 +492,7 @@ class StackUp:
             "rows": self.rows,
             "standing": self.standing,
             "weighted": self.weighted,
+            "fits": self.fits,
             "worst": self.worst(),
             "contributions": self.contributions,
             "root_sum_square": self.root_sum_square(),
@@ -501,8 +516,10 @@ def stack_up(
     its normal.
 
     Of an assembly it is the gap of two parts, in the sizes of all: the others rest on each other as drawn, all other
-    contacts closed by motions, which must only shift. Of several such motions the least are taken, by their weights:
-    `StackUp.weighted` names those, where the gap depends on which are.
+    contacts closed by motions. Where these turn it is of first order in the sizes, and `StackUp.known_to` says by how
+    much that may be off. Of several such motions the least are taken, by their weights: `StackUp.weighted` names those,
+    where the gap depends on which are. A shaft as wide as its bore, which sizes open or close all around, is in its
+    middle: `StackUp.fits`.
 
     Parameters
     ----------

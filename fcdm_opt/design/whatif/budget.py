@@ -464,7 +464,8 @@ class _Tolerances:
         """Each size at either end, in every combination, (n, k); of many of an assembly those that decide, if known."""
         every = np.array([*product(*map(sorted, map(set, self.shape.tolist())))])
         with suppress(InputError):
-            if len(every) > 2**FEW and isinstance(scene := self.asked(self.largest, {}), Assembly):
+            scene = self.asked(self.largest, {}) if len(every) > 2**FEW else None
+            if isinstance(scene, Assembly) and scene.shifts:
                 return decisive(scene, self.largest * every) / self.largest
         return every
 
