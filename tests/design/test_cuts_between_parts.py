@@ -121,14 +121,21 @@ def test_a_groove_beside_a_closed_contact_has_no_gap_and_its_walls_have():
     assert fo.verify(stack).passed
 
 
-def test_a_slanted_slot_was_cut_just_beside_the_rail():
-    """As it was found: a plate with a slanted slot, whose cut ends at x = 12.47, on a rail that begins at 12.5."""
+@pytest.mark.parametrize("tool", ["slot", "bore"])
+def test_a_tool_far_from_any_contact_leaves_the_gap_as_it_is(tool):
+    """As it was found: a cut of a slanted slot ends at x = 12.47, beside a rail that begins at 12.5; of a bore so too.
+
+    The rail's sides are .2 - w / 2 off the hooks, w within .3: .05 to .35; moved by .2 they are off zero by .15.
+    """
     slot = [(5.07, 30.0), (1.37, 25.0), (-3.63, 28.7), (0.07, 33.7)]
-    prism = fo.Body.convex([(x, y, z) for x, y in slot for z in (-1.0, 30.0)], name="slot")
+    tools = {
+        "slot": fo.Body.convex([(x, y, z) for x, y in slot for z in (-1.0, 30.0)]),
+        "bore": fo.Cylinder(3.0, 40.0, base=(0.0, 30.0, -10.0)),
+    }
     plate = fo.joined(
-        fo.Box((44.0, 20.0, 12.5), centre=(0.0, 30.0, 13.75)), fo.Box((4.3, 20.0, 2.5), centre=(19.85, 30.0, 6.25)),
-        fo.Box((4.3, 20.0, 2.5), centre=(-19.85, 30.0, 6.25)),
-    )  # fmt: skip
+        fo.Box((44.0, 20.0, 12.5), centre=(0.0, 30.0, 13.75)),
+        *(fo.Box((4.3, 20.0, 2.5), centre=(x, 30.0, 6.25)) for x in (19.85, -19.85)),
+    )
     rail = fo.joined(
         fo.Box((27.0, 60.0, 1.0), centre=(0.0, 30.0, 0.5)),
         *(fo.Box((5.0, 60.0, 1.0), centre=(x, 30.0, 7.0)) for x in (-15.0, 15.0)),
@@ -136,7 +143,11 @@ def test_a_slanted_slot_was_cut_just_beside_the_rail():
     )
     sides = [{"through": (x, 30.0, 7.0)} for x in (-17.5, 17.5)]
     sizes = [fo.Size("rail width", "static", faces=sides, each=0.5, tolerance=0.3)]
-    problem = fo.Problem(fo.cut(plate, prism), rail, sizes=sizes, made={}, motion=fo.Translation("x"), goal="touch")
-    stack = fo.stack_up(problem)
+    motion = {"motion": fo.Translation("x"), "limits": {"TX": (-2.0, 2.0)}}
+    problem = fo.Problem(fo.cut(plate, tools[tool]), rail, sizes=sizes, made={}, goal="touch", **motion)
+    stack, best = fo.stack_up(problem), fo.best_pose(problem)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.05, 0.35))
+    assert abs(best.parameters["TX"]) == pytest.approx(0.2, abs=1e-6)
+    assert best.worst_gap == pytest.approx(0.15, abs=1e-6)
     assert fo.verify(stack).passed
+    assert best.passed
