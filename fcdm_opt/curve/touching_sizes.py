@@ -77,6 +77,7 @@ class TouchingSizes:
     # (s, 2): of shifts of the movable body, which count as sizes behind the others
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
     permanent: tuple[PairRows, ...] = ()  # of part pairs that touch at all sizes of the box and were left out, see `of`
+    behind: frozenset[tuple[int, int]] = frozenset()  # others that were left out with them, see `_behind`
     # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
     between: float = (
@@ -153,21 +154,31 @@ class TouchingSizes:
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
-        counted = _near_enough(sides, box, DEFAULT.tie * size, without)
-        pairs = [_pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j))) for i, j in counted]
-        slack = DEFAULT.tie * size
-        always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
-        if all(always):
-            always = [False] * len(pairs)
-        held = [own for own, left in zip(pairs, always, strict=True) if left]
-        kept = _nearest([own for own, left in zip(pairs, always, strict=True) if not left], box)
+        slack, known, behind = DEFAULT.tie * size, dict[tuple[int, int], PairRows](), set[tuple[int, int]]()
+        while True:
+            counted = _near_enough(sides, box, slack, without | behind)
+            for i, j in counted:
+                if (i, j) not in known:
+                    known[i, j] = _pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j)))
+            pairs = [known[own] for own in counted]
+            always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
+            held = [own for own, left in zip(pairs, always, strict=True) if left]
+            kept = [own for own, left in zip(pairs, always, strict=True) if not left]
+            kept, held = (_nearest(kept, box), held) if kept else (held, [])
+            more = {own.parts for own in kept if held and _behind(own, held, (movable, static), sides, T, box)}
+            if not more:
+                break
+            behind |= more
         if least:
             kept, held = ([_binding(pair, box) for pair in own] for own in (kept, held))
         if np.any(shares):
             region = partial(region_between, movable, static, T)
             uniform = np.array(shares)
             kept, held = ([_on_lines(pair, region(pair.parts), uniform, size) for pair in own] for own in (kept, held))
-        return cls((movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held), carried=carried)
+        return cls(
+            (movable, static), tuple(sizes), T, tuple(kept), min(reaches), ranges, tuple(held),
+            behind=frozenset(behind if held else ()), carried=carried,
+        )  # fmt: skip
 
     @property
     def box(self) -> Array:
@@ -611,6 +622,49 @@ def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     ends = [_ends(own.values, box) for own in pairs]
     most = min(highs.max() for _, highs in ends)
     return [pair for pair, (lows, _) in zip(pairs, ends, strict=True) if lows.max() <= most]
+
+
+def _behind(
+    pair: PairRows,
+    held: Sequence[PairRows],
+    bodies: tuple[Body, Body],
+    sides: Sequence[Sequence[_PosedPart]],
+    T: Array,
+    box: Array,
+) -> bool:
+    """Tell whether a part pair is none that can meet first, of solids that touch at all sizes of a box.
+
+    One on both sides of the plane of such a contact, in which solids only slide on each other. And one whose rows are
+    all of cuts between parts: where these are nearest, other parts are nearer, of a contact that does not count.
+    """
+    slack = DEFAULT.tie * max(body.size for body in bodies)
+
+    def along(parts: tuple[int, int], n: Array) -> tuple[Array, float]:
+        """Return the row of two parts along a direction, and where the second one begins."""
+        one, two = (side[k] for side, k in zip(sides, parts, strict=True))
+        first, second = np.array([(one.points @ n).argmax()]), np.array([(two.points @ n).argmin()])
+        return _heights(n[None], one, first, two, second), float((two.points[second] @ n)[0])
+
+    for own in held:
+        for n in own.normals:
+            row, level = along(pair.parts, n)
+            if np.abs(_ends(row, box)).max() <= slack and abs(level - along(own.parts, n)[1]) <= slack:
+                return True
+    binding, parts = _binding(pair, box), [body.parts[k] for body, k in zip(bodies, pair.parts, strict=True)]
+    for n, both in zip(binding.normals, binding.elements, strict=True):
+        named = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in both)
+        rows = [own.vertices_of(*name) for own, name in zip(parts, named, strict=True)]
+        if of_solids(bodies, pair.parts, rows, n, T):
+            return False
+    return True
+
+
+def of_solids(
+    bodies: tuple[Body, Body], parts: tuple[int, int], rows: Sequence[Sequence[int]], n: Array, T: Array
+) -> bool:
+    """Tell whether elements of two parts, by their vertices, bound both solids along a direction from 1 to 2."""
+    sides = zip(bodies, parts, rows, (n @ T[:3, :3], -n), strict=True)
+    return all(body.is_bounded_by(k, own, normal) for body, k, own, normal in sides)
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:

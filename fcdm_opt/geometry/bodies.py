@@ -596,6 +596,24 @@ class Body(_Sealed, NotebookRepr):
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
 
+    def is_bounded_by(self, part: int, rows: Sequence[int], normal: Array) -> bool:
+        """Tell whether a face, edge or vertex of a part, given by its vertices, bounds the solid along its normal.
+
+        A face does where some of it is of the solid's; an edge or a vertex where at some point of it no other part goes
+        further along the normal, as parts do on a cut, at a concave edge, and on a face that goes on.
+        """
+        own, slack = self.parts[part], DEFAULT.tie * self.size
+        faces = [own.elements["F"][k] for k, loop in enumerate(own.loops) if {*rows} <= {*loop} and len(rows) > 2]
+        if faces:
+            return faces[0].kind == "F" and self.owns(faces[0])
+        points = np.vstack([own.vertices[[*rows]], own.vertices[[*rows]].mean(axis=0)])
+        bounding = np.ones(len(points), bool)
+        for other in (self.full_body or self).parts:
+            if other is not own:
+                holds = (points @ other.normals.T - other.levels).max(axis=1) <= slack
+                bounding &= ~(holds & ((other.vertices @ normal).max() > points @ normal + slack))
+        return bool(bounding.any())
+
     def piece_of(self, element: Element) -> PointPiece | None:
         """Return the piece at a point of a round face that an element is of; None of others."""
         first, pieces = min(element.vertices), self.exact.pieces if self.exact is not None else ()

@@ -118,6 +118,10 @@ class ScaledPair:
         alone._solids = [self._solids[0][i]], [self._solids[1][j]]
         return alone
 
+    def direction(self, rho: ArrayLike, transform: Array) -> Array:
+        """Return the unit direction from the first part of body 1 to that of body 2 in which they are nearest."""
+        return _towards(self._hulls[0][0], self._hulls[1][0], self._frame(rho, transform))
+
     def touching(self, rho: ArrayLike, transform: Array, slack: float) -> list[tuple[int, int]]:
         """Return the part pairs that are no further apart, or deeper in each other, than a length at a scale pair."""
         frames = self._framed(np.asarray(rho)[None], transform[None])

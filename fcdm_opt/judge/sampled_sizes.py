@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +20,11 @@ from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.true_sizes import ROLES, SizedFaces
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Flags
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.polygons import clipped
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import _at_most, solids_gap, true_gap
@@ -35,6 +37,7 @@ from fcdm_opt.tolerances import DEFAULT
 SAMPLED, CORNERS = 12, 12  # sizes within a box, and corners of it, at which parts are made anew at most
 FEW = 6  # of both, where true faces are looked at
 LATE = np.inf, np.inf, np.inf  # in place of the gaps of sizes that there is no time for
+STEP, INWARDS = 4.0, 0.02  # times the slack off a surface, and share of the distance to the middle of a face
 SURE = 1e-9  # chance that a share which is right is refused for the draws it was compared with
 
 
@@ -169,12 +172,18 @@ class GapClaims:
         if not self.permanent:
             distance, separation = pair.both_ways(scales, here)
             return float(distance[0]), float(separation[0]), 0.0
-        counted = set(product(*(range(len(body.parts)) for body in bodies))) - set(self.permanent)
-        each, left = (
-            np.array([pair.between(*parts).both_ways(scales, here) for parts in sorted(own)])[:, :, 0]
-            for own in (counted, self.permanent)
-        )
-        return float(each[:, 0].min()), float(each[:, 1].min()), float(np.abs(left[:, 0]).max())
+        each = {
+            (i, j): [float(own[0]) for own in pair.between(i, j).both_ways(scales, here)]
+            for i, j in product(*(range(len(body.parts)) for body in bodies))
+        }
+        off = max(abs(each[own][0]) for own in self.permanent)
+        solids = _Solids(bodies, scales[0], here[0], [*self.permanent])
+        distance = separation = np.inf
+        for i, j in sorted(each.keys() - {*self.permanent}, key=each.__getitem__):
+            apart, along = each[i, j]
+            if (apart < distance or not along >= separation) and solids.has_gap((i, j), apart):
+                distance, separation = min(distance, apart), np.fmin(separation, along)
+        return distance, float(separation), off
 
     def _of_true_faces(self, place: Array) -> float:
         assert self.least is not None
@@ -206,6 +215,76 @@ class GapClaims:
             n = np.linalg.svd(flat if len(flat) > 2 else np.vstack(sides))[2][2]
             way = n * np.sign(n @ way)
         return float((points[1] @ way).min() - (points[0] @ way).max())
+
+
+class _Part(NamedTuple):
+    """A part where it is: its corners, its planes, and the corners of its faces, edges and corners, faces first."""
+
+    points: Array
+    normals: Array
+    levels: Array
+    shapes: list[list[int]]
+
+    @classmethod
+    def of(cls, body: Body, part: ConvexPart, scale: float, pose: Array) -> _Part:
+        """Return a part of a body scaled and then moved."""
+        points = (body.seed + scale * (part.vertices - body.seed)) @ pose[:3, :3].T + pose[:3, 3]
+        normals = part.normals @ pose[:3, :3].T
+        levels = (normals * points[[loop[0] for loop in part.loops]]).sum(axis=1)
+        corners = [[k] for k in range(len(points))]
+        return cls(points, normals, levels, [*map(list, part.loops), *part.edges[:, :2].tolist(), *corners])
+
+    def holds(self, points: Array, slack: float) -> Flags:
+        """Tell which points, (n, 3), are in it."""
+        return np.asarray((points @ self.normals.T - self.levels).max(axis=1) <= slack)
+
+
+class _Solids:
+    """Two bodies made and moved, some of whose parts touch and are not counted: where solids have a gap besides."""
+
+    def __init__(self, bodies: Sequence[Body], scales: Array, pose: Array, closed: Sequence[tuple[int, int]]) -> None:
+        self._pair, self._scales, self._pose = scaled_pair(*bodies), scales, pose
+        self._slack = DEFAULT.touch * max(body.size for body in bodies)
+        self._sides = [
+            [_Part.of(body, part, scale, T) for part in body.parts]
+            for body, scale, T in zip(bodies, scales.tolist(), (pose, np.eye(4)), strict=True)
+        ]
+        normals = {own: self._direction(own) for own in closed}
+        self._planes = [(n, float((self._sides[0][i].points @ n).max())) for (i, _), n in normals.items()]
+
+    def _direction(self, parts: tuple[int, int]) -> Array:
+        return self._pair.between(*parts).direction(self._scales, self._pose)
+
+    def has_gap(self, parts: tuple[int, int], distance: float) -> bool:
+        """Tell whether the gap of two parts is one of the solids, of surfaces that face each other there.
+
+        Not where either solid goes on in another part that it is cut into, and not in the plane of a closed contact, in
+        which the solids slide on each other.
+        """
+        one, two = (side[k] for side, k in zip(self._sides, parts, strict=True))
+        for n, level in self._planes:
+            if max(abs((one.points @ n).max() - level), abs((two.points @ n).min() - level)) <= self._slack:
+                return False
+        if distance <= 2.0 * STEP * self._slack:
+            return True
+        step = distance * self._direction(parts)
+        return self._on_surface(0, parts[0], two, step) and self._on_surface(1, parts[1], one, -step)
+
+    def _on_surface(self, side: int, own: int, other: _Part, step: Array) -> bool:
+        """Tell whether a solid ends somewhere where a part of it is a step from another solid's."""
+        part, direction = self._sides[side][own], step / np.linalg.norm(step)
+        heights = part.points @ direction
+        shape = next(rows for rows in part.shapes if heights[rows].min() >= heights.max() - self._slack)
+        patch = part.points[shape]
+        for n, level in zip(other.normals, other.levels, strict=True):
+            patch = clipped(patch, level + self._slack - (patch + step) @ n)
+        if not len(patch):
+            return True
+        middle = patch.mean(axis=0)
+        points = np.vstack([middle, (patch + middle) / 2.0])  # inside of what is nearest, whose rim others may share
+        points += INWARDS * (part.points[shape].mean(axis=0) - points) + STEP * self._slack * direction
+        others = (near.holds(points, self._slack) for k, near in enumerate(self._sides[side]) if k != own)
+        return not np.any([*others], axis=0).all()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

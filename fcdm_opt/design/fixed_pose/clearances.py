@@ -289,7 +289,7 @@ def _of_scales(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) ->
     scene, at, extremes, true = ScaleGaps.of(facets.movable, facets.static, transform, whole)
     ends = frozen(np.column_stack([pairs.min(axis=0), pairs.max(axis=0)]))
     wider = Scales(scene.movable, scene.static, Sizes(ends), scene.apart)
-    wider.permanent = scene.permanent
+    wider.permanent, wider.behind = scene.permanent, scene.behind
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
     claimed = GapClaims(
         bodies=(problem.movable, problem.static),

@@ -198,7 +198,7 @@ class _PoseExaminer:
                 continue
             kind, ways = int(own.kinds[w]), own.ways[own.way_first[w] : own.way_first[w + 1]]
             own_pair = all(0 <= parts[k] < len(self.points[k]) for k in (0, 1))
-            valid = kind == DIRECTED or (own_pair and tuple(parts.tolist()) not in self.worst.scene.permanent)
+            valid = kind == DIRECTED or (own_pair and tuple(parts.tolist()) not in self.worst.scene.uncounted)
             if kind == SHIFTED and valid:
                 value = self._shifted(parts, rho, T)
             elif kind == TRACKED and valid:
@@ -260,7 +260,7 @@ class _PoseExaminer:
         for i, one in enumerate(self.points[0]):
             linear, errors = self._ways(one, rho, T)
             for j, two in enumerate(self.points[1]):
-                if (i, j) in self.worst.scene.permanent:
+                if (i, j) in self.worst.scene.uncounted:
                     continue
                 n = ways[i * len(self.points[1]) + j]
                 values = (

@@ -21,7 +21,7 @@ from fcdm_opt.curve import kernels as curve_kernels
 from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
-from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
+from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of, of_solids
 from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes, normals_met
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
@@ -35,6 +35,7 @@ from fcdm_opt.tolerances import DEFAULT
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
 FACING = 0.5  # cosine of the angle between directions that look the same way
+SIDES = 9  # sizes at which part pairs are asked whether their gap is one of the solids
 NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
 
 
@@ -85,6 +86,7 @@ class SizedBodies:
     covers: bool = True  # whether rows are known at all poses of a cell, however large
     # part pairs that are closed at all sizes, see `leave_out`, and what touches: they do not count
     permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})
+    behind: Collection[tuple[int, int]] = ()  # others left out with them, see `TouchingSizes.behind`
     apart: Collection[tuple[int, int]] = ()  # others that do not count
 
     def __init__(self, movable: Body, static: Body, sizes: Sizes, apart: Collection[tuple[int, int]] = ()) -> None:
@@ -95,11 +97,14 @@ class SizedBodies:
         """Return the relative pose, (12,)."""
         return np.asarray(curve_kernels.relative_pose(transform, self.movable.seed, self.static.seed))
 
-    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
-        """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others."""
+    def closed(self, pose: Array) -> dict[tuple[int, int], Feature | None]:
+        """Return the part pairs closed at all sizes at a pose, and what touches; none if there are no others.
+
+        With those left out with them, of which nothing does.
+        """
         return self.closed_at_each([pose])
 
-    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature | None]:
         """Return those closed at each of some poses."""
         found = self.closed(poses[0])
         for pose in poses[1:]:
@@ -107,17 +112,24 @@ class SizedBodies:
             found = {own: feature for own, feature in found.items() if own in closed}
         return found
 
+    @property
+    def uncounted(self) -> frozenset[tuple[int, int]]:
+        """Part pairs that do not count."""
+        return frozenset((*self.permanent, *self.behind, *self.apart))
+
     @cached_property
     def counted(self) -> Flags:
         """Of scaled bodies which part pairs count, (parts 1, parts 2)."""
         found = np.ones((len(self.starts[0]) - 1, len(self.starts[1]) - 1), np.bool_)
-        for own in (*self.permanent, *self.apart) if found.size else ():
+        for own in self.uncounted if found.size else ():
             found[own] = False
         return found
 
     def leave_out(self, poses: Iterable[Array]) -> None:
         """Do not count part pairs that are closed at all sizes at each of these poses, a flange on its plate."""
-        self.permanent = self.closed_at_each([*poses])
+        closed = self.closed_at_each([*poses])
+        self.permanent = {own: feature for own, feature in closed.items() if feature is not None}
+        self.behind = closed.keys() - self.permanent.keys()
 
     @property
     def permanent_in_words(self) -> tuple[str, ...]:
@@ -150,14 +162,42 @@ class Scales(SizedBodies):
     def _pairs(self) -> Ints:
         return np.argwhere(self.counted)
 
-    def closed(self, pose: Array) -> dict[tuple[int, int], Feature]:
+    def closed(self, pose: Array) -> dict[tuple[int, int], Feature | None]:
         """Return them: a convex gap that is nothing in the corners and in the middle is so all over."""
         sizes = self.sizes.pairs if self.sizes.pairs is not None else np.vstack([self.sizes.corners, self.middle])
         pairs = np.array(list(np.ndindex(len(self.movable.parts), len(self.static.parts))), dtype=np.int64)
-        off = np.abs(self.of_pairs(pose, pairs, sizes)).max(axis=1)
-        found = pairs[off <= DEFAULT.tie * self.size]
-        each = (self._rows(pose, own[None]) for own in (found if len(found) < len(off) else ()))
-        return {tuple(at.pairs[0].tolist()): self.feature(at, at.at(self.middle)) for at in each}
+        gaps = self.of_pairs(pose, pairs, sizes)
+        closed = np.abs(gaps).max(axis=1) <= DEFAULT.tie * self.size
+        others, behind = ~closed & [own not in self.apart for own in map(tuple, pairs.tolist())], list[int]()
+        each = [self._rows(pose, own[None]) for own in (pairs[closed] if others.any() else ())]
+        held = [(at, at.at(self.middle)) for at in each]
+        planes = [(end.way, self._plane(end.parts, end.way, pose)[2]) for _, end in held]
+        few = sizes[np.linspace(0, len(sizes) - 1, min(len(sizes), SIDES)).astype(np.int64)]
+        while held and others.any():
+            nearest = np.flatnonzero(others & (gaps.min(axis=1) <= gaps[others].max(axis=1).min()))
+            more = [k for k in nearest.tolist() if self._is_behind(pose, pairs[k], planes, few)]
+            others[more] = False
+            behind += more
+            if not more:
+                found = {end.parts: self.feature(at, end) for at, end in held}
+                return found | dict.fromkeys(map(tuple, pairs[behind].tolist()))
+        return {}
+
+    def _is_behind(self, pose: Array, pair: Ints, planes: Sequence[tuple[Array, float]], sizes: Array) -> bool:
+        """Tell whether a part pair is left out with those closed, see `TouchingSizes.behind`, at some sizes."""
+        parts, near = (int(pair[0]), int(pair[1])), DEFAULT.tie * self.size
+        for n, level in planes:
+            gap, *rates = self._plane(parts, n, pose)
+            if abs(rates[1] - level) <= near and np.abs(gap + sizes @ rates).max() <= near:
+                return True
+        at, bodies, transform = self._rows(pose, pair[None]), (self.movable, self.static), np.eye(4)
+        transform[:3, :3] = pose[:9].reshape(3, 3)
+        for n in (at.at(rho).way for rho in sizes):
+            one, two = (body.parts[k] for body, k in zip(bodies, parts, strict=True))
+            contact = supporting_contact(one, two, n, pose, DEFAULT.nominal)
+            if of_solids(bodies, parts, (contact.one, contact.two), n, transform):
+                return False
+        return True
 
     def _rows(self, pose: Array, pairs: Ints, *, every: bool = False) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
@@ -309,7 +349,7 @@ class OwnSizes(SizedBodies):
         ranges = around if self.places is None else self.places - transform[:3, 3:]
         found = TouchingSizes.of(
             *(self.movable, self.static, self.own), transform=transform, shifts=(np.eye(3), ranges), least=False,
-            without={*self.permanent, *self.apart}, normals=normals_met((self.movable, self.static), transform),
+            without=self.uncounted, normals=normals_met((self.movable, self.static), transform),
         )  # fmt: skip
         if self._true is not None:
             found = self._true.all_around(found, transform, np.eye(3))
@@ -317,7 +357,7 @@ class OwnSizes(SizedBodies):
         self._normals = np.vstack([own.normals for own in found.pairs]), np.array([own.parts for own in found.pairs])
         return found, np.zeros(3)
 
-    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature]:
+    def closed_at_each(self, poses: Sequence[Array]) -> dict[tuple[int, int], Feature | None]:
         """Return those closed at each of some poses: of one orientation at all shifts that these span."""
         transforms = np.array([self._transform(own) for own in poses])
         if (transforms[:, :3, :3] != transforms[0, :3, :3]).any():
@@ -330,7 +370,7 @@ class OwnSizes(SizedBodies):
                               permanent=False, without=self.apart, shifts=(directions, ranges))  # fmt: skip
         middle = np.append(self.sizes.middle, np.zeros(len(directions)))
         rows = {own.parts: int((own.values[:, 0] + own.values[:, 1:] @ middle).argmax()) for own in at.permanent}
-        return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent}
+        return {own.parts: at.feature(own, rows[own.parts]) for own in at.permanent} | dict.fromkeys(at.behind)
 
     def rows(self, pose: Array, slack: float = 0.0) -> GapRows:
         """Return the rows at a pose, and at all that are shifted from it, of the part pairs that may be the nearest."""
