@@ -403,7 +403,9 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     each = np.repeat(np.reshape([own for _, own, *_ in sharp], (-1, 2)), [count for _, count in drawn.solids], axis=0)
     known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T, _) in placed for each in own)
     other = max((bound for *_, bound in sharp), default=0.0)
-    return drawn._replace(off=np.where(each > DEFAULT.weld * largest, each, 0.0), surfaces=Surfaces(known, other, SINGLE * largest))
+    return drawn._replace(
+        off=np.where(each > DEFAULT.weld * largest, each, 0.0), surfaces=Surfaces(known, other, SINGLE * largest)
+    )
 
 
 def _plane_splines(data: bytes) -> tuple[Array, Array]:
