@@ -221,7 +221,7 @@ def test_what_triangles_leave_of_one_solid_of_a_step_file_was_said_of_all_its_ot
     """A gap of two boxes was told to be known to what a rod in the same file leaves of its circle."""
     turn = 0.4 / 2.0  # radians, half of `Tolerances.tessellation_turn`
     rod = cylinder(10.0, 5.0, np.eye(3)).split("DATA;\n")[1].split("\nENDSEC;")[0]
-    box = polyhedron(PLATE + (60, 0, 0), SIDES, "mm")
+    box = polyhedron(PLATE + np.array([60.0, 0.0, 0.0]), SIDES, "mm")
     others = re.sub(r"#(\d+)", lambda own: f"#{int(own[1]) + 5000}", rod)
     (tmp_path / "both.step").write_text(box.replace("DATA;\n", f"DATA;\n{others}\n"))
     read = [fo.Body.from_file(f"{tmp_path}/both.step#{name}", unit="mm") for name in ("part", "part_1")]

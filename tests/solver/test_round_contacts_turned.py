@@ -336,6 +336,14 @@ def test_a_segment_flush_with_a_plate_touched_it_sideways_in_the_middle_of_a_fac
     assert solved.lower_bound == pytest.approx(solved.amount, rel=2e-6)
 
 
+def test_a_goal_that_does_not_follow_a_contact_between_facets_says_so() -> None:
+    """It spoke of a scale pair that is nearest to a curve, and of poses sensed."""
+    asked = {"target": (1, 1), "motion": fo.Translation("z") >> fo.Rotation("y"), "resolution": 0.01}
+    with pytest.raises(fo.InputError, match="on round faces, between their facets") as refused:
+        fo.Problem(PANE, rocker(-200, pi / 24), goal="at", **asked)
+    assert "snap" not in str(refused.value)
+
+
 @pytest.mark.parametrize("spin", [pi / 24, 0.05])
 @pytest.mark.parametrize("size", ["foot", "crown"])
 def test_a_pane_on_two_unequal_rockers_lies_on_their_common_tangent(spin: float, size: str) -> None:
