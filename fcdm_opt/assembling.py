@@ -30,7 +30,7 @@ from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.contacts_restored import RESTORED, is_of_plane_faces, restoring_motion, touching_again
+from fcdm_opt.problem.contacts_restored import RESTORED, has_plane_contacts, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
@@ -206,7 +206,7 @@ class _Solving:
         met = [asked[k] for k in closing]
         touching = [own if own.goal == "clear" else touching_again(own) for own in asked]
         rounds = [None if own is None else Exchange.of(own) for own in touching]
-        plane = all(rounds[k] or is_of_plane_faces(asked[k]) for k in closing)
+        plane = all(rounds[k] or has_plane_contacts(asked[k]) for k in closing)
         if not (met and plane and any(rounds)) or (assembly := self._assembly).amount != "weighted":
             return None, False
         found = restoring_motion(met)

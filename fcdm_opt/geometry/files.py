@@ -58,7 +58,7 @@ class Drawn(NamedTuple):
 
     vertices: Array  # (n, 3)
     faces: list[Polygon]
-    off: tuple[float, float] = (0.0, 0.0)  # how far these lie outside and within the solid, lengths
+    off: Array = np.zeros((0, 2))  # how far each may lie outside and within its solid, lengths; none where none does
     surfaces: Surfaces | None = None  # those of a STEP file
     # name of each of the file's objects, and how many of the faces it has; none where it tells of no objects
     solids: Sequence[tuple[str, int]] = ()
@@ -78,7 +78,8 @@ class Drawn(NamedTuple):
         used, place = np.unique(np.array([v for face in faces for v in face], np.int64), return_inverse=True)
         numbers = iter(place.tolist())
         own = [tuple(next(numbers) for _ in face) for face in faces]
-        return self._replace(vertices=self.vertices[used], faces=own, solids=())
+        off = self.off[rows] if len(self.off) else self.off
+        return self._replace(vertices=self.vertices[used], faces=own, off=off, solids=())
 
 
 class ReadMesh(NamedTuple):
@@ -173,7 +174,7 @@ def drawn_mesh(
     if not len(drawn.faces):
         raise InputError("no faces in the file", file=path)
     drawn, names, several = _picked(drawn, solid, path)
-    vertices, faces, off, surfaces, _ = drawn
+    vertices, faces, surfaces, off = drawn.vertices, drawn.faces, drawn.surfaces, drawn.off.max(axis=0, initial=0.0)
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
     # with no more digits than single precision takes
     joined = suffix == ".stl" and all(x == float(f"{x:.{SINGLE_DIGITS - 1}e}") for x in np.unique(vertices).tolist())
@@ -184,9 +185,9 @@ def drawn_mesh(
     if coarse:
         place = f"{coarse * float(scale):.2g} {unit}"
         remarks = (*remarks, f"its digits are too few so far from the origin: vertices are known to {place}")
-    out, short = ((length + moved + coarse) * float(scale) for length in off)
-    if any(off):
-        most = max(off) * float(scale)
+    out, short = ((off + moved + coarse) * float(scale)).tolist()
+    if off.any():
+        most = float(off.max()) * float(scale)
         if deviation is not None and most > deviation * (1.0 + DEFAULT.nominal):
             what = f"its faces are drawn too coarsely: {TESSELLATED} by {most:.2g} however small they are"
             raise InputError(what, file=path, key="deviation", found=deviation, allowed="a larger length, or none")
@@ -403,10 +404,12 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
     meshes = [(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T, _) in placed]
     drawn = _together(meshes, [name for *_, name in scene])
     largest = float(np.abs(drawn.vertices).max(initial=0.0))
-    out, short = np.where(off > DEFAULT.weld * largest, off, 0.0).tolist()
+    each = np.repeat(np.reshape([own for _, own, *_ in sharp], (-1, 2)), [count for _, count in drawn.solids], axis=0)
     known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T, _) in placed for each in own)
     other = max((bound for *_, bound in sharp), default=0.0)
-    return drawn._replace(off=(out, short), surfaces=Surfaces(known, other, SINGLE * largest))
+    return drawn._replace(
+        off=np.where(each > DEFAULT.weld * largest, each, 0.0), surfaces=Surfaces(known, other, SINGLE * largest)
+    )
 
 
 class _Faces(NamedTuple):

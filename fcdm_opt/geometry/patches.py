@@ -573,9 +573,11 @@ def _on_both_bodies(
     gap, normal = patch.gaps(x)
     foot = x - gap[:, None] * normal
     kept = other.covers(against, foot) & (np.abs(gap) <= band)
-    if len(on) == 1:
-        kept &= (own.patches[on[0]].gaps(x)[1] * normal).sum(axis=1) < 0.0
-    elif not on and not other.faces.is_round[against]:
+    if on:  # it is between the normals of its faces that it comes nearest: else one of these does so beside it
+        normals = np.stack([own.patches[k].gaps(x)[1] for k in on], axis=1)
+        shares = inverse_of(normals @ normals.transpose(0, 2, 1)) @ (normals @ normal[:, :, None])
+        kept &= (shares[..., 0] < DEFAULT.sharp).all(axis=1)
+    elif not other.faces.is_round[against]:
         kept[kept] &= other.next_to_rim(against, foot[kept])
     kept[kept] &= ~other.outside([against], x[kept], gap[kept])
     x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]

@@ -304,6 +304,17 @@ def _is_clear(problem: Problem, rho: Array, transform: Array, clearance: float =
     return all(own.gap >= clearance - slack for own in where_nearest(*near, rho.tolist(), transform, clearance + slack))
 
 
+def leaves_gap_open(solution: Solution) -> bool:
+    """Tell whether bodies within the true ones, or about them, may have another gap after the motion."""
+    # not where faces that facets stand for are elsewhere
+    problem, found = solution.problem, [bounding_bodies(body) for body in solution.problem.bodies[:2]]
+    if any(own is None for own in found) or solution.transform is None or problem.partial:
+        return True
+    curves = (decision_curve(*own, box=problem.box, transform=solution.transform) for own in zip(*found, strict=True))
+    gaps = [float(own.gap(problem.target)) for own in curves]
+    return not max(abs(gap - solution.pair_gap) for gap in gaps) <= problem.contact_slack
+
+
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:
     """Tell whether true parts overlap no more than the tracked contact lets them, after the motion."""
     # by their true faces where all are recognised, else by bodies about them

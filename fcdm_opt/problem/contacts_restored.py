@@ -186,8 +186,13 @@ def touching_again(problem: Problem) -> Problem | None:
 
 def is_of_plane_faces(problem: Problem) -> bool:
     """Tell whether all contacts as drawn that shifts are to restore are of plane faces, their edges and corners."""
+    return problem.motion.shifts and has_plane_contacts(problem)
+
+
+def has_plane_contacts(problem: Problem) -> bool:
+    """Tell whether all contacts as drawn that a motion is to restore are of plane faces, their edges and corners."""
     asked = problem.of_facets
-    if asked.goal not in ("at", "seat") or not asked.motion.shifts or asked.resolution is not None:
+    if asked.goal not in ("at", "seat") or asked.resolution is not None:
         return False
     of_all = 0 < len(_followed(asked)) == len(asked.nominal_joints) == len(flat_contacts(asked))
     return of_all and not asked.round_contacts
@@ -211,9 +216,12 @@ def unfollowed(problem: Problem) -> int:
 
 def contact_balls(problem: Problem) -> list[BallOnFace]:
     """Return the balls on faces that contacts as drawn of round parts are; none where one of them is not of such."""
-    asked, found = problem.of_facets, list[BallOnFace]()
-    if not asked.round_contacts:
-        return found
+    return _balls_of_each(problem.of_facets) if problem.of_facets.round_contacts else []
+
+
+def _balls_of_each(asked: Problem) -> list[BallOnFace]:
+    """Return the balls on faces that contacts as drawn are, plane ones too; none where one of them is not of such."""
+    found = list[BallOnFace]()
     drawn, made = [*asked.drawn.values()], [*asked.bodies_made.values()]
     if any(len(true_faces(x).patches) != len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True)):
         return found
@@ -258,7 +266,7 @@ class RestoringMotion(NamedTuple):
 
 
 def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
-    """Return the least motion that restores contacts as drawn: `touching_again` answers, or `is_of_plane_faces` holds.
+    """Return the least motion that restores contacts as drawn: `touching_again` answers, or `has_plane_contacts` holds.
 
     By Newton's method on their gaps, the least step of all that close them; of motions that turn a motion next to
     which no smaller one does. None where it is not found.
@@ -267,12 +275,12 @@ def restoring_motion(asked: Sequence[Problem]) -> RestoringMotion | None:
     """
     asked = [own.of_facets for own in asked]
     first, before = asked[0], [_met_as_drawn(own) for own in asked]
-    known = (each or is_of_plane_faces(own) for own, each in zip(asked, before, strict=True))
+    known = (each or has_plane_contacts(own) for own, each in zip(asked, before, strict=True))
     if not all(known) or any(own.amount != "weighted" for own in asked):
         return None
     turns = not all(own.motion.shifts for own in asked)
     starts = first.size / np.sqrt(len(first.weights)) * np.array(STARTS if turns else STARTS[:1])
-    balls = [contact_balls(own) for own in asked] if turns else []
+    balls = [_balls_of_each(own) for own in asked] if turns else []
     if turns and not all(balls):
         return None
     tried = (_from(np.full(len(first.weights), start), asked, before, balls) for start in starts)

@@ -316,8 +316,15 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
     def _check_goal(self) -> None:
-        if self.goal in (*TRACKING, FIT) and not self.touches_between_facets:
-            self.check_goal(self.target, self.signs)
+        if self.goal not in (*TRACKING, FIT) or self.touches_between_facets:
+            return
+        if not self.contacts and self.nominal_contact is None and self.round_contacts:
+            what = "the parts touch as drawn on round faces, between their facets, which the goal does not follow so"
+            allowed = (
+                '"at" or "seat" with shifts, or with turns of balls on faces and of cylinders on planes; or "touch"'
+            )
+            raise InputError(what, key="goal", found=self.goal, allowed=allowed)
+        self.check_goal(self.target, self.signs)
 
     @cached_property
     def touches_between_facets(self) -> bool:

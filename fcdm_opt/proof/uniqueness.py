@@ -42,6 +42,9 @@ ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
 MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 MOST_BRANCHES = 2000  # of directions along which parts are apart
+SHARED = (
+    0.25  # times `Flush.least`, the width across its longest stretch: faces that share as much do so along any side
+)
 
 Problems = Sequence[Problem]
 
@@ -138,13 +141,23 @@ def none_shorter(problems: Problems, least: float) -> bool:
         rows = np.column_stack([slopes, -values / least])
         held += [rows, -rows]
     for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
-        ways, met = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None], list[Array]()
-        for kept_out, normals, gaps in gaps_of_parts(problem):
+        ways = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None]
+        met, looks = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
+        for pair, normals, gaps in gaps_of_parts(problem):
             rows = np.column_stack([-normals @ ways.T, -gaps / least])
             alternatives.append([*(rows[np.unique(rows.round(12), axis=0, return_index=True)[1]] - room)[:, None]])
-            met += [] if kept_out else [-rows - room]
+            if pair is not None:
+                met[pair], looks[pair] = -rows - room, normals
         every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
-        alternatives += [met] if "touch" in (problem.goal, problem.pair) and every else []
+        alternatives += [[*met.values()]] if "touch" in (problem.goal, problem.pair) and every else []
+        for joint in problem.chosen_joints if problem.goal != FIT and every else ():  # a pair that carries it touches
+            seat = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
+            if seat is not None and seat.dimension == 2 and len(joint.carriers) == 1:
+                n = looks[joint.carriers[0]]
+                wide = SHARED * seat.least * np.linalg.norm(np.cross(n, seat.normal), axis=1)
+                held.append(met[joint.carriers[0]] + np.outer(wide, np.append(rest, 1.0 / least)))
+            else:
+                alternatives.append([met[own] for own in joint.carriers])
     rows, looked_at = np.vstack(held) - room, 0
     nodes = [rows[np.isfinite(rows[:, -1])]]
     while nodes and looked_at < MOST_BRANCHES:
@@ -178,15 +191,16 @@ def _shortest(rows: Array) -> tuple[float, Array]:
     return float(level * ROUNDED / np.linalg.norm(w)) if level > 0.0 else 0.0, np.array(w) / (1.0 - level)
 
 
-def gaps_of_parts(problem: Problem) -> Iterator[tuple[bool, Array, Array]]:
-    """Yield of parts that must not overlap, of few edges, whether one is kept out, normals, (n, 3), gaps at rest."""
+def gaps_of_parts(problem: Problem) -> Iterator[tuple[tuple[int, int] | None, Array, Array]]:
+    """Yield of parts that must not overlap, of few edges, their numbers, normals, (n, 3), and gaps at rest."""
+    # None where one is of a keep-out
     seed, (own, other) = problem.movable.seed, problem.target
     apart = {"touch", "clear"} & {problem.goal, problem.pair}
-    obstacles = [(False, part, problem.static.seed, other) for part in problem.static.parts if apart]
-    obstacles += [(True, part, part.seed, scale) for kept in problem.keep_out for part, scale in kept.obstacles]
-    for one in problem.movable.parts:
+    obstacles = [(j, part, problem.static.seed, other) for j, part in enumerate(problem.static.parts) if apart]
+    obstacles += [(-1, part, part.seed, scale) for kept in problem.keep_out for part, scale in kept.obstacles]
+    for i, one in enumerate(problem.movable.parts):
         X = seed + own * (one.vertices - seed)
-        for kept_out, two, datum, scale in obstacles:
+        for j, two, datum, scale in obstacles:
             Y = datum + scale * (two.vertices - datum)
             sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
             if len(sides[0]) * len(sides[1]) > MOST_CROSSED:
@@ -196,7 +210,7 @@ def gaps_of_parts(problem: Problem) -> Iterator[tuple[bool, Array, Array]]:
             across = across[lengths > DEFAULT.planarity * lengths.max()]
             across /= np.linalg.norm(across, axis=1)[:, None]
             normals = np.vstack([one.normals, -two.normals, across, -across])
-            yield kept_out, normals, (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
+            yield (i, j) if j >= 0 else None, normals, (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
 
 
 @np.errstate(all="ignore")

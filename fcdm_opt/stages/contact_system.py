@@ -22,6 +22,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.facet_errors import is_plane_there
+from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
@@ -50,7 +51,8 @@ AROUND = 4.0  # times the amount so far: how far off what may come too near is l
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
 TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
-OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more
+OVERLAID = 2.0  # times the width that flush faces must share, where the least motion would leave no more
+NARROWEST = 0.25  # times that width: what they share is as wide in any direction at least, see `contact.dimension`
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
@@ -457,11 +459,11 @@ class System:
         used = nnls(np.vstack([every, -every]).T, z)[0].reshape(2, -1).sum(axis=0) > 0.0 if len(every) else owners > 0
         return [parts for k, parts in enumerate(pairs) if used[owners == k].any()] or [*pairs]
 
-    def closings(self, q: Array, length: float, *, shared: bool) -> Choices:
+    def closings(self, q: Array, length: float, share: float) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
-        With `shared` by as much as flush ones must share. Where no contact is listed and the pair is to touch, any may
-        that is touched `sooner` than by z of a length.
+        Flush ones by at least a `share` of the width that they must share. Where no contact is listed and the pair is
+        to touch, any may that is touched `sooner` than by z of a length.
         """
         task = self.task
         carriers: list[Any] = [joint.carriers for joint in task.joints]
@@ -471,7 +473,7 @@ class System:
             return Choices.of([self._turned_onto(own, q) for own in carriers], len(task.weights))
         groups = [
             [
-                Rows(-rows.normals, self._over(parts, q) - rows.levels if shared else -rows.levels)
+                Rows(-rows.normals, (share * self._over(parts, q) if share else 0.0) - rows.levels)
                 for parts in own for rows in (self._rows(parts, q, EVERY),)
             ] for own in carriers
         ]  # fmt: skip
@@ -498,8 +500,8 @@ class System:
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
         for seat in self.task.seats:
             if seat.parts == parts:
-                across = np.abs(normals @ seat.normal) < 1.0 - DEFAULT.nominal
-                over[across] = np.maximum(over[across], OVERLAID * seat.least / self.task.size)
+                across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
+                over = np.where(across > DEFAULT.sharp, np.maximum(over, across * seat.least / self.task.size), over)
         return over
 
     def without(self, kind: str) -> System:
@@ -568,10 +570,11 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | None, float]:
+def least(systems: Sequence[System], share: float = 0.0) -> tuple[Array | None, float]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
 
-    Where that would leave flush faces no more than a border, the least that leaves what they must share: `shared`.
+    Where that would leave flush faces no more than a border, the least that leaves a `share` of what they must have in
+    common.
 
     None where there is none; and a length below which there is none, infinite where there is none at all. Of motions
     that turn, whose least Newton's method may have missed, it is 0, and where parts too large for more were kept a
@@ -598,7 +601,7 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
                     own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
                     for k, own in enumerate(systems)
                 ),
-                *(own.closings(first.start if exact else q, length, shared=shared) for own in closing),
+                *(own.closings(first.start if exact else q, length, share) for own in closing),
             )
             near = systems[0].limits()
             if trusted < FARTHEST:
@@ -645,8 +648,10 @@ def least(systems: Sequence[System], *, shared: bool = False) -> tuple[Array | N
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q, len(blocked))} - blocked
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
-            if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
-                return least(systems, shared=True)[0], bound
+            if exact and not share and all(own.meets(q, DEFAULT.requirement) for own in unseated):
+                overlaid, _ = least(systems, OVERLAID)
+                regions = overlaid is None and all(seat.dimension == 2 for own in systems for seat in own.task.seats)
+                return overlaid, max(bound, least(systems, NARROWEST)[1]) if regions else bound
             return None, bound
         blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
     return None, bound

@@ -246,3 +246,18 @@ def test_a_body_kept_as_its_surface_keeps_its_error(tmp_path: Path) -> None:
     again = fo.Problem.from_dict(problem.to_dict()).static
     assert (again.deviation, again.notes) == (body.deviation, body.notes)
     assert again.deviation[0] > 0
+
+
+def test_what_triangles_leave_of_one_solid_of_a_step_file_was_said_of_all_its_others(tmp_path: Path) -> None:
+    """A gap of two boxes was told to be known to what a rod in the same file leaves of its circle."""
+    turn = 0.4 / 2.0  # radians, half of `Tolerances.tessellation_turn`
+    rod = cylinder(10.0, 5.0, np.eye(3)).split("DATA;\n")[1].split("\nENDSEC;")[0]
+    box = polyhedron(PLATE + np.array([60.0, 0.0, 0.0]), SIDES, "mm")
+    others = re.sub(r"#(\d+)", lambda own: f"#{int(own[1]) + 5000}", rod)
+    (tmp_path / "both.step").write_text(box.replace("DATA;\n", f"DATA;\n{others}\n"))
+    read = [fo.Body.from_file(f"{tmp_path}/both.step#{name}", unit="mm") for name in ("part", "part_1")]
+    flat, round_ = sorted(read, key=lambda own: len(own.faces))
+    assert flat.deviation == (0.0, 0.0)
+    assert not any("curved" in note for note in flat.notes)
+    assert 0.0 < round_.deviation[1] <= 10.0 * (1.0 - np.cos(turn)) * (1.0 + 1e-6)
+    assert fo.Body.from_file(tmp_path / "both.step", unit="mm").deviation[1] == round_.deviation[1]

@@ -636,3 +636,21 @@ def test_plane_contacts_of_round_parts_that_share_motions_were_told_of_meshes() 
     assert not over.left_by_mesh
     dished = fo.cut(cover, fo.Sphere(40.0, centre=(0, 0, 44.0)), name="cover")  # its facets decide nothing
     assert not fo.solve(fo.Assembly([pocket, disc, dished], contacts, sizes, {"disc": Z, "cover": Z})).left_by_mesh
+
+
+@pytest.mark.parametrize("above", ["post", "rim"])
+def test_a_rim_of_twelve_facets_leaves_open_the_gaps_beside_it_alone(above: str) -> None:
+    """A gap between plane faces was told to be as much as the rim, far from it, may be off its circle."""
+    plate = np.vstack([ring(40.0, 12, z) for z in (0.0, 5.0)])
+    post = fo.Box((10, 10, 10), centre=(0, 0, 10)).vertices
+    part = fo.Body.from_parts([plate, post], name="part", unit="mm")
+    flat = 40.0 * math.cos(math.pi / 12.0)  # the rim is as near along the middle of a facet
+    other, along = (fo.Box((10, 10, 10), centre=(0, 0, 20.3)), "z") if above == "post" else (
+        fo.Box((10, 10, 10), centre=(flat + 5.3, 0, 2.5)), "x"
+    )  # fmt: skip
+    turned = part.moved(np.block([[about_z(math.pi / 12.0), np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]]))
+    asked = fo.Problem(turned, other, target=(1, 1), goal="clear", clearance=0.15, motion=fo.Translation(along))
+    found = fo.solve(asked)
+    assert found.pair_gap == pytest.approx(0.3, abs=1e-9)
+    told = [line for line in remarks(found) if "gaps of the true parts" in line]
+    assert bool(told) is (above == "rim")

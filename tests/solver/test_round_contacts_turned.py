@@ -1,6 +1,7 @@
 """Contacts as drawn of round parts, restored by motions that turn: closed forms."""
 
 import json
+from dataclasses import replace
 from math import acos, cos, degrees, pi, sin, sqrt
 
 import numpy as np
@@ -298,3 +299,75 @@ def test_a_plate_on_three_pins_changes_with_each_pin_as_its_closed_form_does(mot
         rates = closed(*step).imag / 1e-30
         assert given.sizes[name] == pytest.approx(rates[3], abs=1e-5)
         assert given.motion_by_size[name][[0, 1, -1]] == pytest.approx(rates[:3], abs=1e-5)
+
+
+def rocker(at: float, spin: float, facets: int = 24) -> fo.Body:
+    """A segment of a cylinder of 25 along y, from 0 to 6: its foot is in the plane z = 0, its crown at z = 8."""
+    turn, pose = np.eye(4), np.eye(4)
+    turn[:2, :2] = [[cos(spin), -sin(spin)], [sin(spin), cos(spin)]]
+    pose[:3, :3], pose[:3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], (at, 0, -17)
+    name = "left" if at < 0 else "right"
+    whole = fo.Cylinder(25, 6, facets=facets, unit="mm", name=name).moved(pose @ turn)
+    return fo.cut(whole, fo.Box((60, 60, 60), centre=(at, 3, -30)), name=name)
+
+
+PANE = fo.Box((600, 6, 100), centre=(0, 3, 58), unit="mm", name="pane")
+
+
+@pytest.mark.parametrize("spin", [0.0, pi / 24, 0.05])
+def test_a_segment_flush_with_a_plate_touched_it_sideways_in_the_middle_of_a_facet(spin: float) -> None:
+    """The rim of its end, in the plane of the plate's side, was taken for a contact with that; turns were refused."""
+    found = fo.Problem(
+        PANE,
+        rocker(-200, spin),
+        motion=fo.Translation("z") >> fo.Rotation("y"),
+        goal="at",
+        contacts="all",
+        sizes=[fo.Size("r", "static", faces="cylinder radius 25", tolerance=0.2)],
+        made={"r": 0.1},
+    )
+    assert [own.normal.tolist() for own in found.round_contacts] == [pytest.approx([0, 0, -1])]
+    solved = fo.solve(found)
+    seed, theta = 58 - 8, solved.parameters["RY"]
+    # the plate's bottom, `seed` below its middle, is as far from the axis at (-200, -17) as the radius made
+    height = solved.parameters["TZ"] + 58 + 17
+    assert 200 * sin(theta) + height * cos(theta) - seed == pytest.approx(25.1, abs=1e-9)
+    assert solved.usable
+    assert solved.lower_bound == pytest.approx(solved.amount, rel=2e-6)
+
+
+def test_a_goal_that_does_not_follow_a_contact_between_facets_says_so() -> None:
+    """It spoke of a scale pair that is nearest to a curve, and of poses sensed."""
+    asked = {"target": (1, 1), "motion": fo.Translation("z") >> fo.Rotation("y"), "resolution": 0.01}
+    with pytest.raises(fo.InputError, match="on round faces, between their facets") as refused:
+        fo.Problem(PANE, rocker(-200, pi / 24), goal="at", **asked)
+    assert "snap" not in str(refused.value)
+
+
+@pytest.mark.parametrize("spin", [pi / 24, 0.05])
+@pytest.mark.parametrize("size", ["foot", "crown"])
+def test_a_pane_on_two_unequal_rockers_lies_on_their_common_tangent(spin: float, size: str) -> None:
+    """Contacts of plane faces that a motion turns made the whole group one of facets, which the judge refused."""
+    frame = fo.joined(fo.Box((640, 30, 5), centre=(0, 5, -2.5)), fo.Box((640, 10, 80), centre=(0, -5, 40)))
+    bodies = [replace(frame, name="frame"), rocker(-200, spin), rocker(200, spin), PANE]
+    faces = {"foot": "-z", "crown": "cylinder radius 25"}[size]
+    shift, up = fo.Translation("y") >> fo.Translation("z") >> fo.Rotation("y"), fo.Translation("z")
+    found = fo.solve(
+        fo.Assembly(
+            bodies,
+            [("left", "frame"), ("right", "frame"), ("pane", "left"), ("pane", "right"), ("pane", "frame")],
+            [fo.Size(name, name, faces=[faces], tolerance=0.1) for name in ("left", "right")],
+            {"left": up, "right": up, "pane": shift},
+            follows={"pane": "frame"},
+            made={"left": 0.1, "right": -0.05},
+        )
+    )
+    # a foot lifts the circle, a crown widens it: the bottom, 50 below the seed, is 25 or that from both axes
+    turned = np.arctan(0.15 / 400) if size == "foot" else np.arcsin(0.15 / 400)
+    rise = 0.025 + 75 * (1 / cos(turned) - 1) if size == "foot" else (75 + 0.025) / cos(turned) - 75
+    assert found.usable
+    assert found.parameters["pane"]["RY"] == pytest.approx(turned, abs=1e-10)
+    assert found.parameters["pane"]["TZ"] == pytest.approx(rise, abs=1e-9)
+    assert found.parameters["pane"]["TY"] == pytest.approx(0.0, abs=1e-10)
+    assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
+    assert fo.verify(found, proof=True).passed

@@ -914,3 +914,27 @@ def test_a_work_that_tilts_on_the_higher_of_two_supports_was_not_found(high):
     expected = (x, 0.0, -t) if high == 2 else (0.0, 0.02 + 6.0 * math.tan(t), t)
     assert found.usable
     assert tuple(found.parameters["work"].values()) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("goal", ["at", "seat"])
+@pytest.mark.parametrize("apart", [0.25, 1e-3])
+def test_a_shift_along_both_flush_faces_kept_an_overlap_from_being_proved(goal: str, apart: float) -> None:
+    """Parts slid until they share an edge alone: there the block is beside the rail, and "none proved impossible"."""
+    floor, wall = fo.Box((40, 30, 5), centre=(15, 0, -2.5)), fo.Box((5, 30, 40), centre=(-2.5, 0, 20))
+    block = fo.joined(fo.Box((20, 20, 20), centre=(10, 0, 10)), fo.Box((17, 20, 20), centre=(11.5, 0, 30)))
+    corner = fo.joined(floor, wall, fo.Box((2, 30, 10), centre=(1, 0, 30)))
+    back = fo.Size("back", "movable", faces={"through": (3, 0, 30)}, each=1, tolerance=2.0)
+    motion, made = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z"), {"back": 1.0 + apart}
+    asked = fo.Problem(block, corner, goal=goal, contacts="all", motion=motion, sizes=[back], made=made, unit="mm")
+    found = fo.solve(asked)
+    assert found.status is Status.INFEASIBLE
+    assert f"overlap by {apart:g} mm" in str(found)
+    assert fo.verify(found, proof=True).checks[-1].passed
+    beside = fo.solve(asked.changed(made={"back": 1.0}))  # line to line it fits
+    assert beside.usable
+    assert beside.amount == 0.0
+    # a narrower rail: beside it there is room
+    past = fo.solve(asked.changed(static=fo.joined(floor, wall, fo.Box((2, 4, 10), centre=(1, -9, 30)))))
+    assert past.usable
+    assert past.parameters["TY"] == pytest.approx(3.0, abs=1e-9)
+    assert past.lower_bound == pytest.approx(3.0, abs=1e-9)
