@@ -266,7 +266,7 @@ def test_what_sizes_measure_counts_all_that_moves_either_end() -> None:
     assert made("wide", wide=0.02, radius=0.01, place=0.3, long=0.5) == pytest.approx({"": 6.04})
     assert made("radius", wide=0.02, radius=0.01) == pytest.approx({"": 3.02})
     assert made("oval", oval=0.01) == pytest.approx({"": 6.06})
-    assert not made("oval", oval=0.01, radius=0.01)  # the pin ends in no face along x
+    assert made("oval", oval=0.01, radius=0.01) == pytest.approx({"": 6.06 + 0.02})
     assert not made("wide", oval=0.01)  # no longer round
     assert sizes["place"].position(pin, {sizes["place"]: 0.3}) == pytest.approx(1.3)
     two = fo.Size("left and right", "static", faces=[{"through": (x, 20, 10)} for x in (5, 70)], each=1.0)
