@@ -167,8 +167,9 @@ def widened_limits(scene: Scene) -> list[tuple[Constraint, float]]:
 def mending_sizes(problem: Problem) -> dict[str, float]:
     """Return the sizes which alone, made otherwise, let the parts fit, with the least change of their deviations.
 
-    nan where no deviation was found to do; without any beyond their tolerances where others do. Sizes off drawn come
-    first. Where no widths tell, these alone are asked about, between what they are and drawn.
+    nan where no deviation was found to do; where some do within their tolerances, or nearer to these than made, without
+    others. Sizes off drawn come first. Where no widths tell, these alone are asked about, between what they are and
+    drawn.
     """
     made = {own.name: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes}
     names, found = sorted(made, key=lambda name: not made[name]), dict[str, float]()
@@ -186,8 +187,14 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         share = _fitting_share(sized)
         if 0.0 < share < 1.0 and not has_motion(sized(share * (1.0 + BEYOND))):  # else the judge refused it alone
             found[name] = _rounded_fit(problem, name, share * made[name])
-    ends = {own.name: own.tolerance for own in problem.sizes if own.tolerance is not None}
-    within = {name: x for name, x in found.items() if name not in ends or ends[name][0] <= x <= ends[name][1]}
+    ends = {own.name: own.tolerance or (-math.inf, math.inf) for own in problem.sizes}
+
+    def beyond(name: str, value: float) -> float:
+        return max(ends[name][0] - value, value - ends[name][1], 0.0)
+
+    within = {
+        name: x for name, x in found.items() if beyond(name, x) <= 0.0 or beyond(name, x) < beyond(name, made[name])
+    }
     return within or found
 
 
