@@ -325,6 +325,21 @@ def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:
     assert len(sharp_edges(box((0.0, 0.0, 0.0), 1.0))) == 12
 
 
+def test_what_is_said_above_a_scene_stays_on_its_page() -> None:
+    """Bold words were measured as thin: "impossible: parts as made, moved to where all else is met" lost its ends."""
+    one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
+    shown = ShownBodies.of(one, two, view=(20.0, -70.0))
+    plain = scene_pieces(shown).scene
+    for count in (1, 20, 40, 57, 75, 200):
+        reason = replace(shown, said=" ".join(["impossible"] * (1 + count // 11)))
+        for figure in (scene_figure(reason), scene_pieces(reason).scene):
+            check_texts(figure, least=3)
+        (words,) = [text for text in figure.findobj(Text) if text.get_text().startswith("impossible")]
+        frame = words.get_bbox_patch().get_window_extent()
+        assert frame.y0 >= figure.axes[0].bbox.y1  # upon no body
+        assert figure.bbox.height > plain.bbox.height
+
+
 def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> None:
     one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
     motion = np.eye(4)
