@@ -22,7 +22,7 @@ from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.contact_faces import with_whole_faces
 from fcdm_opt.show.lettering import BADGE, LEADING, SPACING, Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
@@ -53,8 +53,9 @@ ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "col
 OLD: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes; looks of its old place."""
 
-COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, GREY, PURPLE, GREEN)
-"""Of parts of an assembly, one after the other: last those of overlaps and of contacts."""
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, "#5E5E5E", "#7A4FD0", "#F0E442", "#8C4F2B", PURPLE)
+"""Of parts of an assembly, one after the other: told apart with any kind of colour vision, and from the green of
+contacts; last that of overlaps."""
 
 MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
