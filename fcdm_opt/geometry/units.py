@@ -59,6 +59,15 @@ def measured(length: str | float, unit: str, digits: int = 6) -> str:
     return f"{text} {unit}" if unit else text
 
 
+def shortest(value: float, error: float) -> float:
+    """Return the number of fewest digits that is no further than an error from a value; the value for no error."""
+    for digits in range(1, 17):
+        rounded = float(f"{value:.{digits}g}")
+        if abs(rounded - value) <= error:
+            return rounded
+    return value
+
+
 def gap_text(gap: float, slack: float, unit: str, need: float = 0.0) -> str:
     """Return in words whether two things touch, are apart or overlap, by how much, and which clearance they need."""
     length = measured(abs(gap), unit, 4)

@@ -91,16 +91,20 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
 def assembly_verdict(solution: AssemblySolution) -> str:
     """Return in a sentence what to move, and whether less would do."""
+    from fcdm_opt.design.whatif.fitting import advising
+
     assembly = solution.assembly
+    outside = solution.status.name == "OUTSIDE_FIT"
+    with advising(solution):
+        barred = barring(assembly) if outside or not solution.status.found else ""
     if not solution.status.found:
-        barred = barring(assembly)
         return f"{solution.explained} {barred[:1].upper()}{barred[1:]}." if barred else solution.explained
-    if solution.status.name == "OUTSIDE_FIT":
+    if outside:
         place = "the place it is drawn in"
         what = f"does not fit: the only motions found take a part out of {place}"
         if texts.outcome_text(solution) == texts.NOT_MET:
             what = f"fits, {texts.NOT_MET}: no such motions leave it with each part in {place}"
-        return "; ".join(filter(None, (verdict(assembly) or what, barring(assembly))))
+        return "; ".join(filter(None, (verdict(assembly) or what, barred)))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"
     done, goals = assembly_instruction(solution), {pair.asked.get("goal") for pair in assembly.contacts}

@@ -22,9 +22,9 @@ from fcdm_opt.geometry.measures import unit_normals
 from fcdm_opt.geometry.naming import rows_of_element
 from fcdm_opt.geometry.tessellation import ALONG
 from fcdm_opt.problem.problem import Problem
-from fcdm_opt.show import BLACK, BLUE, DARK, GREEN, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
+from fcdm_opt.show import BLACK, BLUE, DARK, GREY, LINE, NOTE, ORANGE, PAGE, PURPLE, VERMILLION, Figure, styled
 from fcdm_opt.show.contact_faces import with_whole_faces
-from fcdm_opt.show.lettering import BADGE, Names, Sheet, fitted, literal, rounded_down
+from fcdm_opt.show.lettering import BADGE, LEADING, SPACING, Names, Sheet, fitted, literal, rounded_down
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.sections import INSET, Cut, Touching, change_at, draw_section, surface_of, touching
 from fcdm_opt.show.texts import shortened
@@ -40,6 +40,10 @@ LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
 """Inches that a scene may be high, below it for directions and scale (more where a legend needs it), and that bodies
 keep from the edge of its area, for arrows."""
 
+BANNER, FRAME, SLACK = NOTE + 1.0, 0.06, 0.94
+"""Points of what is said above a scene, inches that the frame about it takes, and the share of the width that its words
+fill: another font than ours, in a page, may be a little wider."""
+
 WIDE, LOW = 3.1, 0.36
 """Inches across of a scene in a report: words of it can be read on a phone; below it, where no legend is."""
 
@@ -49,8 +53,9 @@ ARROW, MOVES = 0.45, {"arrowstyle": "-|>,head_width=0.28,head_length=0.55", "col
 OLD: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (4, 2.5))}
 """Length in inches, and looks, of an arrow that tells where a part of an assembly goes; looks of its old place."""
 
-COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, GREY, PURPLE, GREEN)
-"""Of parts of an assembly, one after the other: last those of overlaps and of contacts."""
+COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, "#5E5E5E", "#7A4FD0", "#F0E442", "#8C4F2B", PURPLE)
+"""Of parts of an assembly, one after the other: told apart with any kind of colour vision, and from the green of
+contacts; last that of overlaps."""
 
 MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
@@ -122,7 +127,7 @@ def scene_figure(
     foot = max(FOOT, 0.16 * rows)
     wide = PAGE - column if insets else 0.72 * PAGE
     height = float(np.clip(shown.slenderness * (wide - 0.3), LEAST, MOST))
-    height = max(height + 0.16 * bool(shown.said), 0.0 if below else len(insets) * pitch - foot)
+    height = max(height + _banner(shown, wide)[1], 0.0 if below else len(insets) * pitch - foot)
     sheet = Sheet.of(wide + column, height + foot + pitch * below, title=title, caption=caption)
     axes = draw_scene(sheet, (0.0, foot + pitch * below, wide, height), shown, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
@@ -168,7 +173,7 @@ class ScenePieces(NamedTuple):
 @styled
 def scene_pieces(shown: ShownBodies, *, contacts: Sequence[Touching] = (), unit: str = "") -> ScenePieces:
     """Draw what `scene_figure` draws, for a page that has its own words: no title, caption and legend."""
-    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN + 0.25 * bool(shown.said), LEAST, WIDE))
+    height = float(np.clip(shown.slenderness * (WIDE - MARGIN) + MARGIN, LEAST, WIDE)) + _banner(shown, WIDE)[1]
     sheet = Sheet.of(WIDE, height + LOW)
     axes = draw_scene(sheet, (0.0, LOW, WIDE, height), shown, contacts=contacts)
     draw_directions(sheet, axes, shown, (0.0, 0.0), unit)
@@ -386,6 +391,13 @@ def draw_scene(
     Parameters are those of `scene_figure`.
     """
     page, arrows, (before, times) = page_directions(*shown.view), list[Array](), shown.before
+    lines, strip = _banner(shown, area[2])
+    if lines:
+        look: dict[str, Any] = {"color": BLUE, "fontsize": BANNER, "va": "top", "ha": "center", "linespacing": LEADING}
+        look |= {} if before else {"color": REFUSED, "weight": "bold", "bbox": {**BADGE, "edgecolor": REFUSED}}
+        x, y, *_ = sheet.place(area[0] + area[2] / 2.0, area[1] + area[3] - FRAME, 0.0, 0.0)
+        sheet.figure.text(x, y, literal("\n".join(lines)), **look)
+    area = *area[:3], area[3] - strip
     axes = _axes_for(sheet, area, shown, [corner for own in before.values() for corner in own.vertices])
     raster, cut = _draw_solids(axes, shown, contacts)
     places = raster.roomiest() if shown.named is None else {}
@@ -405,13 +417,14 @@ def draw_scene(
         axes.plot([], [], color=colour, label=f"before the motion: {parts}{far}", **OLD)
     if contacts:
         _draw_contacts(axes, page, raster, contacts, cut, arrows)
-    if shown.said:
-        width = axes.get_position().width * axes.figure.get_figwidth()
-        lines = "\n".join(fitted(axes.figure, shown.said, NOTE + 1.0, 0.96 * width))
-        look: dict[str, Any] = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
-        look |= {} if before else {"color": REFUSED, "weight": "bold", "bbox": {**BADGE, "edgecolor": REFUSED}}
-        axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
     return axes
+
+
+def _banner(shown: ShownBodies, width: float) -> tuple[list[str], float]:
+    """Return what is said above bodies, in lines of a scene so many inches across, and how high these are in inches."""
+    room = SLACK * (width - 2.0 * FRAME)
+    lines = fitted(Sheet.of(width, 1.0).figure, shown.said, BANNER, room, weight="bold") if shown.said else []
+    return lines, len(lines) * SPACING * BANNER / 72.0 + 3.0 * FRAME * bool(lines)
 
 
 def draw_numbered(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from fcdm_opt import pacing
@@ -18,6 +19,7 @@ from fcdm_opt.problem.solution import Solution, Status
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
+    from fcdm_opt.design.whatif.fitting import Kept
     from fcdm_opt.motion.motions import Motion
     from fcdm_opt.problem.problem import Problem
     from fcdm_opt.problem.scene import Scene
@@ -36,6 +38,7 @@ UNSEEN = 0.5 * 10.0**-DIGITS  # of the amount, a parameter that adds less: in wo
 NO_STEP = re.compile(r"[RT][A-Z]\w* -?0( [a-z]+)?")
 NO_PART = re.compile(r"(^|(?<= ))[RT][A-Z] -?0( [a-z]+)?( |$)")  # of a motion with several parameters
 
+CLEARED = 0.7  # share of the time for advice in which a smaller clearance is looked for, before sizes and limits
 MOST_SIZES = 4  # sizes by name, or limits, that are told in a line
 
 
@@ -297,7 +300,8 @@ def advised(case: SolvedCase) -> str:
 
     Without how they do not fit, and what their facets leave open, which the verdict says.
     """
-    told, fits, of_mesh = _with_sizes(case.solution), case.fits_up_to, case.solution.left_by_mesh
+    fits, of_mesh, advice = case.fits_up_to, case.solution.left_by_mesh, case.solution.advice
+    told = _with_sizes(case.solution) if IMPOSSIBLE.search(advice) else advice
     told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
     if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
         told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
@@ -312,30 +316,40 @@ def advised(case: SolvedCase) -> str:
     return f"{told} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
+@lru_cache(maxsize=16)
 def _with_sizes(solution: Solution) -> str:
-    """Return the advice of an answer; with the sizes, limits, turns and clearances known to mend it in its place."""
-    from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, opening_shift
+    """Return the advice of an answer; with the sizes, limits, turns and clearances known to mend it in its place.
 
-    if not IMPOSSIBLE.search(solution.advice):
-        return solution.advice
-    problem, axis = solution.problem, mending_turn(solution.problem)
-    with pacing.within(TOLD):
-        cures = [] if solution.stopped else pacing.in_time(_changes, problem, late=list[str]())
-        need, shift = problem.clearance, ""
-        asked = need > 0.0 and misfit(problem) is None and not solution.stopped
-        most = pacing.in_time(largest_clearance, problem, late=0.0) if asked else 0.0
-        if asked and not most:  # what is closed stays so by this motion
-            shift, most = pacing.in_time(opening_shift, problem, late=("", 0.0))
+    What leaves the clearance first; what there was no time to try is not proposed.
+    """
+    from fcdm_opt.design.whatif.fitting import Kept, advising, largest_clearance, opening_shift
+
+    problem, axis, unsure = solution.problem, mending_turn(solution.problem), False
+    need, shift, kept, changes = problem.clearance, "", Kept(), list[str]()
+    if not solution.stopped:
+        with advising(solution):
+            if need > 0.0 and misfit(problem) is None:
+                with pacing.sharing(CLEARED):
+                    kept = pacing.in_time(largest_clearance, problem, late=kept)
+                    if not kept.clearance:  # what is closed stays so by this motion
+                        shift, kept = pacing.in_time(opening_shift, problem, late=("", kept))
+            changes, unsure = pacing.in_time(_changes, problem, late=changes), pacing.over()
+    opened = [f"allow a shift along {shift}, which opens the contact that stays closed"] * bool(shift)
+    opened += [f"choose a smaller clearance, {kept_text(kept, problem.unit)}"] * (0.0 < kept.clearance < need)
+    cures = [", and ".join(opened)] * bool(opened) + changes
     if axis is not None:
         cures.append(f"allow a turn about {direction(axis.round(DIGITS)).lstrip('+-')}")
-    less = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit) if most < need else ""
-    opened = [f"allow a shift along {shift}, which opens the contact that stays closed"] * bool(shift)
-    room = ", and ".join(opened + [f"choose a smaller clearance, at most {less}"] * (most > 0.0 and bool(less)))
-    cures += [room] * bool(room)
     if not cures and verdict(problem).startswith("does not fit: "):  # wherever the part is moved to
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
-    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2]}.", solution.advice)
+    late = "; there was no time to try which of these would do" * (unsure and not cures)
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2] + late}.", solution.advice)
+
+
+def kept_text(kept: Kept, unit: str) -> str:
+    """Return in words which clearance can be kept: the largest, "at most 0.05 mm", or one that may not be that."""
+    word, digits = ("at most", PLACES) if kept.is_largest else ("such as", DIGITS - 1)
+    return f"{word} {measured(floored(kept.clearance, digits), unit)}"
 
 
 def _changes(problem: Problem) -> list[str]:

@@ -47,14 +47,18 @@ REFUSED = {
 
 def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
+    from fcdm_opt.design.whatif.fitting import advising
+
     if solution.usable:
         return f"{instruction(solution)}: {_effect(solution)}; {sure_text(solution)}"
-    refused, of_mesh = _refused_text(solution), solution.left_by_mesh
+    with advising(solution):
+        refused, of_mesh = _refused_text(solution), solution.left_by_mesh
     if of_mesh.startswith("but "):  # all that is known is of the facets
         return f"not known whether true parts fit: of the facets, {refused.replace(': ', ', ', 1)}; {of_mesh}"
     return "; ".join(filter(None, (refused, of_mesh)))
 
 
+@lru_cache(maxsize=16)
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
     problem = solution.problem
@@ -86,11 +90,11 @@ def _refused_text(solution: Solution) -> str:
     return f"{REFUSED[solution.status.name]}{why}"
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def barring(scene: Scene) -> str:
     """Return which keep-outs, and clearances of an assembly, are in the way, in words: without these it is solved."""
     from fcdm_opt.design.whatif.constraints import constraints, without
-    from fcdm_opt.design.whatif.fitting import ACCURACY, TOLD, largest_clearance, usable_answer
+    from fcdm_opt.design.whatif.fitting import largest_clearance, usable_answer
 
     every = {f"keep-out {own.name!r}": f"keep-out {own.name}" for own in scene.keep_out}
     contacts = {own.name: own.value for own in constraints(scene) if own.name.startswith("contact ") and own.value > 0}
@@ -101,10 +105,8 @@ def barring(scene: Scene) -> str:
     names = [every[name] for name in single or every]
     told = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
     if len(single) == 1 and single[0] in contacts:
-        with pacing.within(TOLD):
-            most = pacing.in_time(largest_clearance, scene, single[0], late=0.0)
-        kept = measured(texts.floored(most * (1.0 + ACCURACY), 3), scene.unit)
-        told += f"; at most {kept} can be kept" * (most > 0.0)
+        kept = pacing.in_time(largest_clearance, scene, single[0], late=None)
+        told += f"; {texts.kept_text(kept, scene.unit)} can be kept" if kept and kept.clearance else ""
     return told
 
 

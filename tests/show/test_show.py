@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import trimesh
 from matplotlib.collections import PathCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.text import Text
 from ordinary import problems, solved
 from picture_checks import check_texts, shown
@@ -32,13 +32,14 @@ from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.primitives import Cylinder
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.solution import Solution, Status
-from fcdm_opt.show import INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
+from fcdm_opt.show import GREEN, INKS, MIDDLE, bare_pixels, inline_svg, new_figure, save
 from fcdm_opt.show.album import drawn_scene, solution_figure
 from fcdm_opt.show.assemblies import assembly_figure, parts_of
 from fcdm_opt.show.lettering import Sheet, clipped, fitted
 from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
+    COLOURS,
     MOST_TOLD,
     MOVES,
     ShownBodies,
@@ -323,6 +324,44 @@ def test_round_surfaces_have_no_edges_but_at_their_ends() -> None:
     assert len(edges) == 48
     assert (edges[:, 0, 2] == edges[:, 1, 2]).all()
     assert len(sharp_edges(box((0.0, 0.0, 0.0), 1.0))) == 12
+
+
+def test_eight_parts_have_colours_of_their_own_and_none_has_that_of_contacts() -> None:
+    """The seventh part had the colour of the first, the sixth that of contacts.
+
+    As Machado, Oliveira and Fernandes (2009) simulate colour vision without one kind of cones; distances in CIELAB.
+    """
+    seen = {
+        "all cones": np.eye(3),
+        "no long": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+        "no middle": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+        "no short": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+    }
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    given = np.array([to_rgb(own) for own in (*COLOURS, GREEN)])
+    linear = np.where(given <= 0.04045, given / 12.92, ((given + 0.055) / 1.055) ** 2.4)
+    assert len(COLOURS) == 8
+    for cones, matrix in seen.items():
+        x, y, z = np.cbrt((np.clip(linear @ np.transpose(matrix), 0.0, 1.0) @ xyz.T) / xyz.sum(axis=1)).T
+        lab = np.column_stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+        apart = np.linalg.norm(lab[:, None] - lab, axis=2) + 100.0 * np.eye(len(lab))
+        assert apart.min() > (30.0 if cones == "all cones" else 15.0), cones
+        assert lab[:-1, 0].min() > 35.0, cones  # seen on a dark page, too
+
+
+def test_what_is_said_above_a_scene_stays_on_its_page() -> None:
+    """Bold words were measured as thin: "impossible: parts as made, moved to where all else is met" lost its ends."""
+    one, two = box((0.0, 0.0, 0.0), 1.0), box((1.0, 0.0, 0.0), 1.0)
+    shown = ShownBodies.of(one, two, view=(20.0, -70.0))
+    plain = scene_pieces(shown).scene
+    for count in (1, 20, 40, 57, 75, 200):
+        reason = replace(shown, said=" ".join(["impossible"] * (1 + count // 11)))
+        for figure in (scene_figure(reason), scene_pieces(reason).scene):
+            check_texts(figure, least=3)
+        (words,) = [text for text in figure.findobj(Text) if text.get_text().startswith("impossible")]
+        frame = words.get_bbox_patch().get_window_extent()
+        assert frame.y0 >= figure.axes[0].bbox.y1  # upon no body
+        assert figure.bbox.height > plain.bbox.height
 
 
 def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> None:

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,7 @@ import trimesh
 from manifold3d import Manifold
 
 import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.design.whatif import fitting
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
@@ -322,6 +324,56 @@ def test_a_clearance_of_an_assembly_that_cannot_be_kept_was_not_named() -> None:
     assert str(fo.solve(both)).endswith(told + "0.1 mm can be kept.")
     (cure,) = (one for one in fo.conflicts(both).relaxations if one.cures)
     assert (cure.name, cure.value) == ("contact block - camera", pytest.approx(0.1, rel=1e-6))
+
+
+def test_the_clearance_that_can_be_kept_is_told_to_its_last_digit() -> None:
+    """A plate 29.86 above another is to be 29.9 away: 29.8 was told, and 0.0399999 as what lacks."""
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 10), 5), "roof": ((20, 20, 4), 41.86)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    contacts = [("block", "base"), {"parts": ("block", "roof"), "goal": "clear", "clearance": 29.9}]
+    both = fo.Assembly(parts, contacts, motions={"block": fo.Translation("z")}, unit="mm")
+    assert str(fo.solve(both)).endswith("; at most 29.86 mm can be kept.")
+    (cure,) = (one for one in fo.conflicts(both).relaxations if one.cures)
+    assert str(cure).startswith("contact block - roof: by 0.04 mm to 29.86 mm, amount ")
+
+
+def _slide_below_a_roof() -> fo.Problem:
+    """A slide 10 high in a slot 10.08 high, on its floor, 5 aside of either wall and 0.1 clear as asked."""
+    rail = fo.cut(fo.Box((60, 30, 20), centre=(0, 0, 0), name="rail"), fo.Box((80, 20, 10.08), centre=(0, 0, 0.04)))
+    slide = fo.Box((40, 10, 10), centre=(0, 0, 0), name="slide")
+    asked: Any = {"motion": fo.Translation("y"), "target": (1, 1), "goal": "clear", "clearance": 0.1, "unit": "mm"}
+    return fo.Problem(slide, rail, **asked)
+
+
+def test_the_shift_that_opens_a_closed_contact_is_asked_about_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shift along x, which opens nothing, took 40 of 51 s; up, half of the play of .08 is left."""
+    asked, solve = list[fo.Problem](), fitting.solve
+
+    def counted(problem: fo.Problem, **how: Any) -> Any:
+        asked.append(problem)
+        return solve(problem, **how)
+
+    monkeypatch.setattr(fitting, "solve", counted)
+    told = advised(SolvedCase(fo.solve(_slide_below_a_roof())))
+    up = "Allow a shift along +z, which opens the contact that stays closed, and choose a smaller clearance"
+    assert told in (f"{up}, at most 0.04 mm.", f"{up}, such as 0.04 mm.")
+    first = next(own for own in asked if len(own.motion.parameters) > 1)
+    assert (first.motion.names, first.clearance) == (("TY", "TZ"), pytest.approx(0.04, rel=1e-9))
+
+
+def test_advice_ends_in_time_and_proposes_nothing_that_was_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    def endless(*_: Any, **__: Any) -> Any:
+        while True:
+            pacing.check()
+
+    solution = fo.solve(_slide_below_a_roof().changed(clearance=0.11))  # what was worked out above is kept
+    monkeypatch.setattr(fitting, "solve", endless)
+    monkeypatch.setattr(fitting, "MOST_ADVICE", 0.3)
+    start = perf_counter()
+    told = f"{verdict_text(solution)} {advised(SolvedCase(solution))}"
+    assert told.endswith("; there was no time to try which of these would do.")
+    assert "Allow" not in told
+    assert perf_counter() - start < 10.0
 
 
 def test_a_key_that_is_turned_in_its_socket_was_told_not_to_fit_by_its_corners() -> None:

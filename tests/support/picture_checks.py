@@ -32,7 +32,8 @@ def check_texts(figure: Any, *, least: int = 4) -> None:
     texts = shown(figure)
     assert len(texts) >= least
     boxes = {text: Text.get_window_extent(text) for text in texts}
-    for text, box in boxes.items():
+    frames = {text: patch.get_window_extent() for text in texts if (patch := text.get_bbox_patch())}
+    for text, box in [*boxes.items(), *frames.items()]:
         assert text.get_fontsize() >= LEAST_SIZE, text.get_text()
         assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
         assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1, text.get_text()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,18 +16,24 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.sizes import by_name
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, without
 from fcdm_opt.errors import InputError
+from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.units import shortest
 from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.motion.motions import Translation
 from fcdm_opt.problem.fit import lack, misfit
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
+from fcdm_opt.problem.solution import Bounded
 from fcdm_opt.solver import has_motion, solve
 from fcdm_opt.tolerances import DEFAULT
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
 TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
+ADVICE, LEAST_ADVICE, MOST_ADVICE = 2.0, 4.0, 10.0  # times the solve, and seconds, that all of them may for one answer
+NO_TIME = 1e-9  # seconds
+FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for that leaves it
 LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
 NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see what it does to widths
 MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
@@ -56,14 +62,52 @@ def _largest(holds: Callable[[float], bool], most: float) -> float:
     return largest_share(holds, least, most, accuracy=ACCURACY)[0] if holds(least) else 0.0
 
 
-def largest_clearance(scene: Scene, name: str = "clearance") -> float:
-    """Return the largest clearance that a motion leaves where none leaves that asked for, by bisection; length units.
+class Kept(NamedTuple):
+    """The largest clearance found that a motion leaves, length units, if none is larger, and the answer for it."""
 
-    Of an assembly that of the contact with a name in `constraints`. As with `fits_up_to` one crossing is taken for
-    granted. 0 where nothing is left.
+    clearance: float = 0.0
+    is_largest: bool = False
+    answer: Any = None
+
+
+@lru_cache(maxsize=16)
+def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0) -> Kept:
+    """Return the largest clearance that a motion leaves where none leaves that asked for, of fewest digits.
+
+    By bisection, about a guess, as far as there is time. Of an assembly that of the contact with a name in
+    `constraints`. As with `fits_up_to` one crossing is taken for granted.
     """
-    own = next(one for one in constraints(scene) if one.name == name)
-    return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
+    own, answers = next(one for one in constraints(scene) if one.name == name), dict[bool, Any]()
+    ends = {True: 0.0, False: own.value}  # that is kept, and that is not
+
+    def is_kept(need: float) -> bool:
+        answer = solve(own.changed(scene, own.value - need), effort="quick")
+        ends[answer.usable], answers[answer.usable] = need, answer
+        return bool(answer.usable)
+
+    with suppress(pacing.TimeOverError):
+        for need in (shortest(guess, ACCURACY * guess), guess * (1.0 + ACCURACY)):
+            if ends[True] < need < ends[False]:
+                is_kept(need)
+        if ends[True] or is_kept(ACCURACY * own.value):
+            largest_share(is_kept, ends[True], ends[False], accuracy=ACCURACY)
+            need = shortest((ends[False] + ends[True]) / 2.0, (ends[False] - ends[True]) / 2.0)
+            if ends[True] < need < ends[False]:
+                is_kept(need)
+    return Kept(ends[True], ends[False] - ends[True] <= ACCURACY * ends[False], answers.get(True))
+
+
+@contextmanager
+def advising(solution: Bounded) -> Iterator[None]:
+    """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
+    start, rest = pacing.clock(), vars(solution).get("advice_time", math.nan)
+    if math.isnan(rest):
+        rest = min(max(ADVICE * sum(solution.seconds.values()), LEAST_ADVICE), MOST_ADVICE)
+    try:
+        with pacing.within(max(rest, NO_TIME), share=1.0):
+            yield
+    finally:
+        vars(solution)["advice_time"] = rest - (pacing.clock() - start)
 
 
 def quick_answer(scene: Scene, **changes: Any) -> Any:
@@ -91,19 +135,38 @@ def without_clearance(scene: Scene, *, keep_outs: bool = False) -> Any:
 
 
 @lru_cache(maxsize=16)
-def opening_shift(problem: Problem) -> tuple[str, float]:
+def opening_shift(problem: Problem) -> tuple[str, Kept]:
     """Return along which axis of the world, "+z", a shift opens what a motion keeps closed, and the clearance then.
 
-    The largest one, length units, up to that asked for; "" and 0 where one shift more does not do.
+    That is up to what is asked for; "" and none where one shift more does not do. Asked first is what leaves the
+    largest gap by itself, within `FAR` times that.
     """
-    known = [own for own in problem.motion.directions if own is not None]
-    for axis, own in zip("xyz", np.eye(3), strict=True):
-        if np.linalg.matrix_rank([*known, own], tol=DEFAULT.nominal) > len(known):
-            asked, _ = problem.with_motion(problem.motion >> Translation(axis))  # type: ignore[arg-type]
-            most = problem.clearance if usable_answer(asked) else largest_clearance(asked)
-            if most > 0.0 and (found := usable_answer(asked, clearance=most)):
-                return "+-"[[*found.parameters.values()][-1] < 0.0] + axis, most
-    return "", 0.0
+    from scipy.optimize import minimize_scalar
+
+    known, bare = [own for own in problem.motion.directions if own is not None], without_clearance(problem)
+    if bare is None:
+        return "", Kept()
+    need, guesses, moved = problem.clearance, dict[str, float](), np.array(bare.transform)
+    least = ACCURACY * need
+
+    def overlap(far: float, axis: Array) -> float:
+        shifted = moved.copy()
+        shifted[:3, 3] += far * axis
+        return -float(problem.curve_after(shifted, problem.target).gap(problem.target))
+
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        if np.linalg.matrix_rank([*known, axis], tol=DEFAULT.nominal) > len(known):
+            opened = min((axis, -axis), key=partial(overlap, least))
+            look: Any = {"bounds": (0.0, FAR * need), "method": "bounded", "options": {"xatol": least / FAR}}
+            opens = overlap(least, opened) < -LEVER * least
+            guesses[name] = -float(minimize_scalar(overlap, args=(opened,), **look).fun) if opens else 0.0
+    for name, guess in sorted(guesses.items(), key=lambda own: -own[1]):
+        asked, _ = problem.with_motion(problem.motion >> Translation(name))  # type: ignore[arg-type]
+        answer = usable_answer(asked) if not least < guess < need else None
+        kept = largest_clearance(asked, guess=guess) if answer is None else Kept(need, True, answer)
+        if kept.clearance > 0.0:
+            return "+-"[[*kept.answer.parameters.values()][-1] < 0.0] + name, kept
+    return "", Kept()
 
 
 def fits_up_to(problem: Problem) -> float | None:

@@ -23,7 +23,7 @@ from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
 from fcdm_opt.design.whatif.fitting import ACCURACY, largest_share
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.units import measured
+from fcdm_opt.geometry.units import measured, shortest
 from fcdm_opt.judge.placed_parts import gone_through
 from fcdm_opt.motion.motions import Free
 from fcdm_opt.plain import Plain
@@ -98,15 +98,17 @@ class LeastRelaxation(PlainMotion):
         if not self.cures:
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
         question = None if self.solution is None else self.solution.question
-        lengths = question.unit if question else ""
-        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths)}"
-        done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths)}"
+        lengths, slack = (question.unit, question.contact_slack) if question else ("", 0.0)
+        error = (self.unit == "length") * slack + DEFAULT.requirement * self.by
+        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths, error)}"
+        done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths, error)}"
         amount = measured(self.amount, question.amount_unit if question else "")
         return f"{self.name}: {done}, amount {amount}" + (f" ({self.note})" if self.note else "")
 
 
-def _relaxed_text(value: float, kind: str, lengths: str, digits: int = 6) -> str:
-    """Return a value of a constraint in words, by the kind of its unit and what lengths are in."""
+def _relaxed_text(value: float, kind: str, lengths: str, error: float = 0.0, digits: int = 6) -> str:
+    """Return a value of a constraint in words, by the kind of its unit and what lengths are in, to within an error."""
+    value = shortest(value, error)
     unit = {"radian": "deg", "halvings": "halvings", "length": lengths}.get(kind, "")
     return measured(f"{math.degrees(value) if kind == 'radian' else value:.{digits}g}", unit)
 
@@ -361,7 +363,7 @@ class ClashSearch:
                     best, high = solution, by
                     break
         coarse = near > max(first, fuzz) and high > low
-        least = _relaxed_text(low, constraint.unit, self.problem.unit, 3)
+        least = _relaxed_text(low, constraint.unit, self.problem.unit, digits=3)
         note = f"whether less does, down to {least}, is not known" if coarse else ""
         value = constraint.value + constraint.outward * high
         return replace(common, by=high, value=value, failing=low, impossible=impossible, solution=best, note=note)
