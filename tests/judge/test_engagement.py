@@ -26,7 +26,7 @@ from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
-from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.texts import advised
 from fcdm_opt.show.verdict import held_text, verdict_text
 
@@ -238,6 +238,21 @@ def test_why_parts_fit_at_no_tolerance_is_told() -> None:
     assert verdict(at_end).startswith("does not fit: peg and plate are as wide as each other, 10.099, between ")
     beyond = fo.Problem(*peg_and_plate(), tolerance=0.2 / 20.2 + 1e-6, requirement="B", motion=UP, goal="touch")
     assert verdict(beyond).startswith("does not fit: peg is 2e-05 wider than plate, 10.099, between ")
+
+
+def test_parts_whose_contacts_close_at_no_tolerance_were_said_to_fit_at_none() -> None:
+    """Two slots, from 17 to 23.2, on blades from 17 to 23: 23 (1 + t) = 23.2 (1 - t) at t = 0.2 / 46.2."""
+    slots = [fo.Box((6.2, 21, 8), centre=(x, 0, 3)) for x in (-20.1, 20.1)]
+    plate = fo.cut(fo.cut(fo.Box((64, 32, 6), centre=(0, 0, 3)), slots[0]), slots[1], name="plate")
+    blades = [fo.Box((6, 20, 10), centre=(x, 0, 5)) for x in (-20, 20)]
+    base = fo.joined(fo.Box((70, 36, 8), centre=(0, 0, -4)), *blades, name="base")
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked: dict[str, Any] = {"goal": "seat", "contacts": "all", "motion": motion}
+    case = solved_case(fo.Problem(plate, base, tolerance=0.02, requirement="C", **asked), certify=False)
+    assert case.solution.status is Status.INFEASIBLE
+    assert case.fits_up_to == 0.0
+    told = 'This motion closes all contacts again at no tolerance. With goal "clear" the parts fit up to ±0.432 %.'
+    assert advised(case).endswith(told)
 
 
 def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -> None:
