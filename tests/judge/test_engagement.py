@@ -338,6 +338,20 @@ def cover_on_pins(tau: float, goal: str = "seat", *, lands: bool = False) -> fo.
     return fo.Problem(cover, base, tolerance=tau, requirement="B", goal=goal, motion=UP, nominal=(1, 1))
 
 
+def test_what_plane_walls_say_was_left_open_by_a_bore_between_them() -> None:
+    """A hexagon of 15 across its edges, 15.3 as made, in a chute of 15.4, 15.092 as made: its bore is no wall."""
+    across = [(7.5 * math.cos(turn), 7.5 * math.sin(turn)) for turn in np.arange(6) * math.pi / 3]
+    hexagon = fo.Body.convex([(x, y, z + across[1][1]) for x in (-15, 15) for y, z in across])
+    standoff = fo.cut(hexagon, fo.Cylinder(2.5, 40, base=(-20, 0, 6.5), axis="x"), name="standoff")
+    chute = fo.cut(fo.Box((50, 24, 19), centre=(0, 0, 4.5)), fo.Box((60, 15.4, 20), centre=(0, 0, 10)), name="chute")
+    found = fo.solve(fo.Problem(standoff, chute, tolerance=0.02, requirement="B", goal="seat", motion=UP))
+    assert found.status is Status.INFEASIBLE
+    assert not found.left_by_mesh
+    told = verdict_text(found)
+    assert told.startswith("does not fit: standoff 15.30 in chute 15.09, between face ")
+    assert told.endswith(" of chute; no such motion brings them together")
+
+
 BETWEEN_BORES = 0.1 / 103.9  # 51.9 (1 + t) = 52 (1 - t); facets out of phase leave .00066
 
 
