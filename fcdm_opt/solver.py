@@ -206,7 +206,7 @@ def _of_true_faces(problem: Problem, how: _How) -> Solution | None:
         found = _of_true_faces(touching, how)
         again = found is not None and found.transform is not None and restores(problem, found.transform)
         return found if again else _restored(problem, touching, how)
-    asked, tried = problem, problem.exact_at
+    asked, tried = problem, None
     for confirm in (False, *[True] * MOST_PROVED):  # a motion that is not the least may lead to points of no matter
         quick = how._replace(certify=False, effort="quick", judge=False, confirm=confirm)
         with pacing.sharing(MOST_OF_TIME):

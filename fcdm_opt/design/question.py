@@ -388,6 +388,10 @@ class Question:
                 if place[0] == "made" and len(place) > 1 and isinstance(case.get("made"), str):  # a corner, by its word
                     case = {**case, "made": plain_value(self.problem().made)}
                 case = put(case, place, given, kept=together, dropped=excluded)
+        if not scene.assembled:
+            changed = {place[0] for place in places}
+            own = {key: value for key, value in case.items() if key in changed}
+            case = with_defaults({key: value for key, value in case.items() if key not in changed}, own)
         return Question(scene, case)
 
     def drawn(self) -> Question:

@@ -31,7 +31,7 @@ from fcdm_opt.geometry.true_distance import MOST, FacesApart, PoseDerivatives
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.contacts_restored import is_of_plane_faces, restoring_motion, touching_again
-from fcdm_opt.problem.fit import drawn_bodies, misfit, true_widths
+from fcdm_opt.problem.fit import misfit, true_widths, walls_of
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
@@ -269,8 +269,7 @@ def too_wide(problem: Problem) -> bool:
     found = misfit(problem)
     if found is None or true_widths(problem, found) is not None:
         return found is not None
-    sides = zip(drawn_bodies(problem), found.faces, strict=True)
-    return all(own is not None and is_plane_there(body, own) for body, faces in sides for own in faces)
+    return all(own is not None and is_plane_there(body, own) for body, own in walls_of(problem, found))
 
 
 def open_amounts(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:

@@ -204,10 +204,22 @@ class Task:
         return np.array(rates).reshape(-1, len(self.weights))
 
     @cached_property
-    def face_gaps(self) -> tuple[Array, Array]:
-        """Normals and separations at the target pair, at rest, of the contacts of "seat" that are face on face."""
+    def _seating(self) -> tuple[Array, float]:
+        """The least shift, (3,), that brings faces which stay flush onto one another, and by how much it misses."""
         faces = [seat for seat in self.seats if seat.whole]
-        return np.array([seat.normal for seat in faces]), np.array([seat.gap(self.target) for seat in faces])
+        normals = np.array([seat.normal for seat in faces]).reshape(-1, 3)
+        gaps = np.array([seat.gap(self.target) for seat in faces])
+        found = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if faces else np.zeros(3)
+        return found, float(np.abs(normals @ found - gaps).max(initial=0.0))
+
+    @property
+    def seats_disagree(self) -> bool:
+        """Whether faces that stay flush cannot all lie on one another at the target pair, whatever the motion is.
+
+        One that keeps them aligned changes each gap by n . t, t the displacement of the seed: two walls that face each
+        other stay as far apart as they are.
+        """
+        return self._seating[1] > DEFAULT.touch * self.size
 
     @cached_property
     def spins(self) -> Array:
@@ -405,9 +417,7 @@ class Task:
         # at once
         if self.goal not in ("at", "seat"):
             return 0.0
-        normals, gaps = self.face_gaps
-        together = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if len(gaps) else np.zeros(3)
-        return max(float(np.linalg.norm(together)), float(np.abs(self.line_gaps(self.rest)[1]).max()))
+        return max(float(np.linalg.norm(self._seating[0])), float(np.abs(self.line_gaps(self.rest)[1]).max()))
 
     def transform(self, q: Array) -> Array:
         """Return the 4x4 transform of body 1; nan where a screw has lost its axis on the way."""

@@ -526,6 +526,14 @@ def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
     return widths[:2] if widths is not None and widths[0] > widths[1] else None
 
 
+def walls_of(problem: Problem, found: Misfit) -> Iterator[tuple[Body, Element | None]]:
+    """Yield the walls of a misfit, each with its body as drawn: faces, or the edges of two parts that are foremost."""
+    for body, side, faces, parts in zip(drawn_bodies(problem), (1.0, -1.0), found.faces, found.parts, strict=True):
+        ends = ((parts[0], side), (parts[-1], -side)) if len(faces) == 2 else ()
+        edges = [_edge(body.parts[k], sign * np.array(found.normal), body) for k, sign in ends]
+        yield from ((body, own or edge) for own, edge in zip(faces, edges or [None] * len(faces), strict=True))
+
+
 class _RoundWidths(NamedTuple):
     inner: float
     outer: float
@@ -586,10 +594,11 @@ def _round_widths(problem: Problem, found: Misfit, bodies: tuple[Body, Body], sc
 
 
 def _edge(part: ConvexPart, normal: Array, body: Body) -> Element | None:
-    """Return the edge of a part of a body as drawn that is foremost along a direction."""
-    heights = body.vertices @ normal
-    edges = part.elements["E"]
-    return max(edges, key=lambda own: heights[np.array(own.vertices) - 1].min(), default=None)
+    """Return the edge of a part of a body as drawn that is foremost along a direction; None where none is."""
+    heights, level = body.vertices @ normal, (part.vertices @ normal).max() - DEFAULT.snap * body.size
+    known = ((heights[np.array(own.vertices) - 1].min(), own) for own in part.elements["E"])
+    height, edge = max(known, key=lambda own: own[0], default=(-np.inf, None))
+    return edge if height >= level else None
 
 
 def mating_cylinders(bodies: tuple[Body, Body]) -> list[tuple[Round, Round]]:

@@ -49,6 +49,7 @@ from fcdm_opt.problem.keys import (
     Requirement,
     SizeKeys,
     checked_arguments,
+    with_defaults,
 )
 from fcdm_opt.problem.nominal import FIT, TRACKING, NominalContact
 from fcdm_opt.problem.scene import AnyScene, Coordinate
@@ -344,13 +345,15 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         """Return the same question with other arguments, resolved anew; raises as the constructor does.
 
         Of what does not depend on these nothing is checked again. A movable body that is turned, as in a pose sensed,
-        keeps the `length` by which angles count.
+        keeps the `length` by which angles count. Another goal or pair drops the clearance, or the contacts, that it
+        does not ask for.
         """
         if self.reformulated is not self:
             return self.of_facets.changed(**arguments)  # the points are of these sizes
         if not all(key in _MADE and (value is None) == (self.request[key] is None) for key, value in arguments.items()):
             turned = self.request["length"] is None and self.movable.is_turned(arguments.get("movable"))
-            return Problem(**{**self.request, **({"length": self.length} if turned else {}), **arguments})
+            kept = {**self.request, **({"length": self.length} if turned else {})}
+            return Problem(**with_defaults(kept, arguments))
         asked = checked_arguments(SizeKeys, arguments)
         request = {**self.request, **{key: getattr(asked, key) for key in arguments}}
         kept = {key: value for key, value in vars(self).items() if key not in ("signs", "of_facets", "restoring")}

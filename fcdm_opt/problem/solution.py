@@ -638,13 +638,17 @@ class Solution(Bounded):
         """Which widths do not go together, or contacts that are not met."""
         told = self.active * (self.status in (Status.NOT_FOUND, Status.NOT_IN_STEPS))
         words = verdict(self.problem) or "; ".join(told)
-        if words and self.status is Status.NOT_FOUND and sum(own.is_flush for own in self.problem.contacts) > 1:
-            words += f"; {PARALLEL}"
-        return words
+        return words + self._parallel * bool(words and self.status is Status.NOT_FOUND)
+
+    @property
+    def _parallel(self) -> str:
+        several = sum(own.is_flush for own in self.problem.contacts) > 1
+        return f"; {PARALLEL}" * (several and not self.problem.motion.shifts)
 
     def _nearest_miss(self) -> str:
         missed = nearest_miss(self.problem) if self.status in IMPOSSIBLE else ""
-        return missed or "; ".join(self.active) * (self.status is Status.INFEASIBLE)
+        active = "; ".join(self.active) * (self.status is Status.INFEASIBLE)
+        return missed or active + self._parallel * bool(active)
 
     @cached_property
     def sensitivity(self) -> Sensitivity:

@@ -308,12 +308,21 @@ def advised(case: SolvedCase) -> str:
     told = IMPOSSIBLE.sub(lambda own: f"{own[2][:1].upper()}{own[2][1:]}.", told)
     if fits is None:
         return told
-    table = case.solution.problem.tolerance
-    if not fits > 0.0 or table is None:
-        return f"{told} The parts fit at no tolerance: {_unfit(case.solution.problem)}."
-    others = "" if table.max() == table.min() else ", the largest of these tolerances"
-    motion = "As meshed, with this motion" if of_mesh else "With this motion"
+    problem, motion = case.solution.problem, "As meshed, with this motion" if of_mesh else "With this motion"
+    if not fits > 0.0 and problem.contacts and (clear := _clear_up_to(problem)):
+        fits, motion = clear, 'This motion closes all contacts again at no tolerance. With goal "clear"'
+    if not fits > 0.0 or problem.tolerance is None:
+        return f"{told} The parts fit at no tolerance: {_unfit(problem)}."
+    others = "" if problem.tolerance.max() == problem.tolerance.min() else ", the largest of these tolerances"
     return f"{told} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+
+
+def _clear_up_to(problem: Problem) -> float:
+    """Return up to which tolerance parts fit whose contacts no motion closes at any; 0 where at none, or no time."""
+    from fcdm_opt.design.whatif.fitting import TOLD, fits_up_to
+
+    with pacing.within(TOLD):
+        return pacing.in_time(fits_up_to, problem.changed(goal="clear", pair="any"), late=None) or 0.0
 
 
 @lru_cache(maxsize=16)

@@ -25,8 +25,9 @@ from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.units import gap_text, measured
 from fcdm_opt.model.equations import FeaturePoints
+from fcdm_opt.model.seats import held
 from fcdm_opt.model.task import Answer, Parts, Task, lines_of
-from fcdm_opt.motion.motions import Translation
+from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import Multipliers
 from fcdm_opt.problem.nominal import FIT
@@ -51,8 +52,9 @@ AROUND = 4.0  # times the amount so far: how far off what may come too near is l
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
 TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
-OVERLAID = 2.0  # times the width that flush faces must share, where the least motion would leave no more
-NARROWEST = 0.25  # times that width: what they share is as wide in any direction at least, see `contact.dimension`
+# times the width that flush faces must share: what they do wherever they share it, by `dimension`, and what they are to
+# where the least motion leaves no more than a border
+LEAST_SHARED, OVERLAID = 0.5, 2.0
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
@@ -64,6 +66,7 @@ MOST_VIOLATED = 3  # conditions that are told to be violated
 MOST_EXPLAINED = 10  # contacts among which those are sought that exclude each other
 LINEAR, NEWTON = "1: linear equations of the contacts", "2: equations of the contacts, by Newton's method"
 TRANSLATIONS = "1: translations, best first over separating directions"
+UNSEATED = "1: no place fits all flush contacts at the target pair"
 DIGITS = 12  # to which rows of vertices that touch at once are told apart
 BATCH_SIZE = 16  # part pairs of many that are taken up together, the nearest first
 
@@ -76,6 +79,10 @@ def contact_system(task: Task) -> Answer | None:
     """
     if not task.joints:
         return None
+    if task.goal != FIT and task.seats_disagree:
+        return Answer(Status.INFEASIBLE, None, UNSEATED, np.inf, _Told([System.of(task)], [""]).sentences(), last=True)
+    if (found := _by_shifts_alone(task)) is not None:
+        return found
     if task.goal == FIT:
         return _fitted(task)
     own = System.of(task)
@@ -85,6 +92,36 @@ def contact_system(task: Task) -> Answer | None:
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
     status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, task.displacement_bound)
     return Answer(status, None, stage, bound, told, last=True)
+
+
+def _with_shifts_alone(task: Task) -> tuple[Task | None, Flags]:
+    """Return the task with the shifts alone of its parameters that may change, and which do; None where some turn."""
+    moving = (task.limits != 0).any(axis=1)
+    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
+    if not directions or any(own is None for own in directions):
+        return None, moving
+    motion = reduce(rshift, (Translation(tuple(own.tolist())) for own in directions if own is not None))
+    weights, limits = task.weights[moving], task.limits[moving]
+    return replace(task, motion=motion, weights=weights, limits=limits, resolution=None), moving
+
+
+def _by_shifts_alone(task: Task) -> Answer | None:
+    """Answer a task whose one turn would tilt a face that stays flush: exact, as of shifts; None for any other."""
+    turning, whole = task.spins.any(axis=1) & (task.limits != 0).any(axis=1), [own for own in task.seats if own.whole]
+    alone = turning.sum() == 1 and isinstance(task.motion.owners[turning.argmax()], Rotation) and task.weighted
+    if not (alone and whole and (task.start[turning] == 0.0).all()):
+        return None
+    still = turning & held(whole, task.motion, task.movable, task.static)
+    task = replace(task, limits=np.where(still[:, None], 0.0, task.limits))
+    shifted, moving = _with_shifts_alone(task)
+    answer = None if shifted is None else contact_system(shifted)
+    if answer is None:
+        return None
+    if answer.q is None:  # its parameters have other names
+        return replace(answer, active=_Told([System.of(task)], [""]).sentences())
+    q = task.rest
+    q[moving] = answer.q
+    return replace(answer, q=q)
 
 
 def violated(question: Scene) -> tuple[str, ...]:
@@ -133,12 +170,9 @@ def among_others(task: Task) -> Answer | None:
 
     None where that is not sure, and where parameters that may change turn.
     """
-    moving = (task.limits != 0).any(axis=1)
-    directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
-    if task.goal == "beyond" or not directions or any(own is None for own in directions):
+    shifted, moving = _with_shifts_alone(task)
+    if task.goal == "beyond" or shifted is None:
         return None
-    motion = reduce(rshift, (Translation(tuple(own.tolist())) for own in directions if own is not None))
-    shifted = replace(task, motion=motion, weights=task.weights[moving], limits=task.limits[moving], resolution=None)
     if task.goal == "touch" and not task.keep_out and task.gap(task.rest) <= 0.0 and task.allows(task.rest):
         shifted = replace(shifted, goal="clear", pair="any", clearance=0.0)  # it touches as soon as nothing overlaps
     own = System(shifted, (*task.tracked, *task.untracked))
@@ -459,11 +493,11 @@ class System:
         used = nnls(np.vstack([every, -every]).T, z)[0].reshape(2, -1).sum(axis=0) > 0.0 if len(every) else owners > 0
         return [parts for k, parts in enumerate(pairs) if used[owners == k].any()] or [*pairs]
 
-    def closings(self, q: Array, length: float, share: float) -> Choices:
+    def closings(self, q: Array, length: float, *, shared: float) -> Choices:
         """Return for each contact the part pairs that may carry it, each with what keeps its elements on each other.
 
-        Flush ones by at least a `share` of the width that they must share. Where no contact is listed and the pair is
-        to touch, any may that is touched `sooner` than by z of a length.
+        Flush ones by `shared` times the width that they must share. Where no contact is listed and the pair is to
+        touch, any may that is touched `sooner` than by z of a length.
         """
         task = self.task
         carriers: list[Any] = [joint.carriers for joint in task.joints]
@@ -473,7 +507,7 @@ class System:
             return Choices.of([self._turned_onto(own, q) for own in carriers], len(task.weights))
         groups = [
             [
-                Rows(-rows.normals, (share * self._over(parts, q) if share else 0.0) - rows.levels)
+                Rows(-rows.normals, self._over(parts, q, shared) - rows.levels)
                 for parts in own for rows in (self._rows(parts, q, EVERY),)
             ] for own in carriers
         ]  # fmt: skip
@@ -494,14 +528,16 @@ class System:
         rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
-    def _over(self, parts: Parts, q: Array) -> Array:
-        """Return how far flush faces of a part pair must lie over one another, in sizes, along each of its `_rows`."""
+    def _over(self, parts: Parts, q: Array, shared: float) -> Array:
+        """Return how wide what flush faces of a part pair share is to be, in sizes, along each of its `_rows`."""
+        # an edge may lie on the border of a face
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
         for seat in self.task.seats:
-            if seat.parts == parts:
+            if seat.parts == parts and (seat.dimension > 1 or shared > LEAST_SHARED):
                 across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
-                over = np.where(across > DEFAULT.sharp, np.maximum(over, across * seat.least / self.task.size), over)
+                width = shared * seat.least / self.task.size
+                over = np.where(across > DEFAULT.sharp, np.maximum(over, across * width), over)
         return over
 
     def without(self, kind: str) -> System:
@@ -570,11 +606,11 @@ class System:
         return ("a limit",) if bool(((q == low) | (q == high))[self.moving].any()) else ()
 
 
-def least(systems: Sequence[System], share: float = 0.0) -> tuple[Array | None, float]:
+def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | None, float]:
     """Return the least z that meets the tasks of all systems, which share their parameters and their size.
 
-    Where that would leave flush faces no more than a border, the least that leaves a `share` of what they must have in
-    common.
+    Where that would leave flush faces no more than a border, the least that leaves them `shared` times what they must
+    share.
 
     None where there is none; and a length below which there is none, infinite where there is none at all. Of motions
     that turn, whose least Newton's method may have missed, it is 0, and where parts too large for more were kept a
@@ -601,7 +637,7 @@ def least(systems: Sequence[System], share: float = 0.0) -> tuple[Array | None, 
                     own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
                     for k, own in enumerate(systems)
                 ),
-                *(own.closings(first.start if exact else q, length, share) for own in closing),
+                *(own.closings(first.start if exact else q, length, shared=shared) for own in closing),
             )
             near = systems[0].limits()
             if trusted < FARTHEST:
@@ -648,10 +684,11 @@ def least(systems: Sequence[System], share: float = 0.0) -> tuple[Array | None, 
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q, len(blocked))} - blocked
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
-            if exact and not share and all(own.meets(q, DEFAULT.requirement) for own in unseated):
-                overlaid, _ = least(systems, OVERLAID)
-                regions = overlaid is None and all(seat.dimension == 2 for own in systems for seat in own.task.seats)
-                return overlaid, max(bound, least(systems, NARROWEST)[1]) if regions else bound
+            if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
+                found, _ = least(systems, shared=OVERLAID)
+                if found is None:  # of less than that there may be some
+                    bound = max(bound, least(systems, shared=LEAST_SHARED)[1])
+                return found, bound
             return None, bound
         blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
     return None, bound

@@ -20,7 +20,7 @@ from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, nearest_on
-from fcdm_opt.stages.contact_system import System, among_others
+from fcdm_opt.stages.contact_system import UNSEATED, System, among_others
 from fcdm_opt.stages.forbidden_shifts import placed
 from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
 from fcdm_opt.tolerances import DEFAULT
@@ -36,16 +36,13 @@ def shift(task: Task) -> Answer | None:
 
     Exact where each line's gap at the target pair is linear in the parameters: for translations, and for turns about
     the one normal of all lines, which change none. The least solution is a lower bound for all motions, and the answer
-    where it meets everything else; where there is no other solution, no motion does. Nor does any where faces that must
-    stay flush cannot all lie on one another at the target pair: a motion that keeps them aligned changes each gap by
-    n . t, t the displacement of the seed, so two walls that face each other stay as far apart as they are.
+    where it meets everything else; where there is no other solution, no motion does. Nor does any where
+    `Task.seats_disagree`.
     """
     if task.goal not in ("at", "seat", "beyond"):
         return None
-    slack = DEFAULT.touch * task.size
-    normals, gaps = task.face_gaps
-    if len(gaps) and np.abs(normals @ np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] - gaps).max() > slack:
-        return _impossible("1: no place fits all flush contacts at the target pair")
+    if task.seats_disagree:
+        return _impossible(UNSEATED)
     excludes_zero = (task.limits[:, 0] > 0) | (task.limits[:, 1] < 0)
     asked = task.coherent and excludes_zero.any()
     if asked and (excludes_zero & held(task.seats, task.motion, task.movable, task.static)).any():

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from ordinary import CUBE, FAR, box, problems, random_scene
 
+import fcdm_opt as fo
 from fcdm_opt.design.whatif.constraints import Costs, Dropped, constraints, drop, without
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -180,6 +181,19 @@ def test_a_problem_without_a_motion_is_refused_and_points_to_conflicts():
         assert caught.value.found == Status.INFEASIBLE.words
     with pytest.raises(InputError, match="Solution"):
         drop("bracket.toml")  # type: ignore[arg-type]
+
+
+def test_a_goal_that_is_met_at_rest_was_said_to_have_no_motion() -> None:
+    """A block with a bore on the floor of a chute, with 0.2 of play: clear of walls and floor by that at TZ = 0.2."""
+    block = fo.cut(fo.Box((30, 13, 13), centre=(0, 0, 6.5)), fo.Cylinder(2.5, 40, base=(-20, 0, 6.5), axis="x"))
+    chute = fo.cut(fo.Box((50, 24, 19), centre=(0, 0, 4.5)), fo.Box((60, 13.4, 20), centre=(0, 0, 10)))
+    problem = fo.Problem(block, chute, target=(1, 1), goal="clear", clearance=0.2, motion=Y >> Translation("z"))
+    for asked in (problem, solve(problem)):
+        found = rows(drop(asked))['goal "touch"']
+        assert found.status is Status.ALREADY_SATISFIED
+        assert found.saving == pytest.approx(0.2, abs=1e-9)
+        changed = fo.whatif(asked, goal="touch")
+        assert (changed.after.amount, changed.after.problem.clearance) == (0.0, 0.0)
 
 
 def test_results_are_plain_data():

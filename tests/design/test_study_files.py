@@ -156,6 +156,16 @@ def test_equal_scenes_are_built_once_and_keep_their_curve(tmp_path: Path) -> Non
     assert moved.problem().curve is curve
 
 
+def test_another_goal_drops_the_clearance_that_it_does_not_ask_for(tmp_path: Path) -> None:
+    (asked, *_) = questions(tmp_path)
+    clear = asked.changed({"goal": "clear", "clearance": 0.1})
+    assert clear.changed({"made": None}).problem().clearance == 0.1
+    assert "clearance" not in clear.changed({"goal": "touch"}).case
+    assert clear.changed({"goal": "touch", "pair": "any"}).problem().goal == "touch"
+    with pytest.raises(InputError, match="nothing asks for this clearance"):
+        clear.changed({"goal": "touch", "clearance": 0.1}).problem()
+
+
 def test_a_change_drops_what_says_the_same_in_another_way(tmp_path: Path) -> None:
     one, two = questions(tmp_path)
     changed = one.changed({"tolerance": 0.01, "requirement": "D"})

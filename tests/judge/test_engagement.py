@@ -26,7 +26,7 @@ from fcdm_opt.problem import fit
 from fcdm_opt.problem.fit import misfit, verdict
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.remarks import remarks
-from fcdm_opt.show.solved import SolvedCase
+from fcdm_opt.show.solved import SolvedCase, solved_case
 from fcdm_opt.show.texts import advised
 from fcdm_opt.show.verdict import held_text, verdict_text
 
@@ -240,6 +240,21 @@ def test_why_parts_fit_at_no_tolerance_is_told() -> None:
     assert verdict(beyond).startswith("does not fit: peg is 2e-05 wider than plate, 10.099, between ")
 
 
+def test_parts_whose_contacts_close_at_no_tolerance_were_said_to_fit_at_none() -> None:
+    """Two slots, from 17 to 23.2, on blades from 17 to 23: 23 (1 + t) = 23.2 (1 - t) at t = 0.2 / 46.2."""
+    slots = [fo.Box((6.2, 21, 8), centre=(x, 0, 3)) for x in (-20.1, 20.1)]
+    plate = fo.cut(fo.cut(fo.Box((64, 32, 6), centre=(0, 0, 3)), slots[0]), slots[1], name="plate")
+    blades = [fo.Box((6, 20, 10), centre=(x, 0, 5)) for x in (-20, 20)]
+    base = fo.joined(fo.Box((70, 36, 8), centre=(0, 0, -4)), *blades, name="base")
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked: dict[str, Any] = {"goal": "seat", "contacts": "all", "motion": motion}
+    case = solved_case(fo.Problem(plate, base, tolerance=0.02, requirement="C", **asked), certify=False)
+    assert case.solution.status is Status.INFEASIBLE
+    assert case.fits_up_to == 0.0
+    told = 'This motion closes all contacts again at no tolerance. With goal "clear" the parts fit up to ±0.432 %.'
+    assert advised(case).endswith(told)
+
+
 def test_a_peg_that_could_only_be_drawn_out_of_its_hole_was_called_a_success() -> None:
     problem = fo.Problem(*peg_and_plate(), tolerance=0.05, requirement="B", motion=UP, goal="clear", clearance=1.0)
     solution = fo.solve(problem)
@@ -321,6 +336,20 @@ def cover_on_pins(tau: float, goal: str = "seat", *, lands: bool = False) -> fo.
     bores = [fo.Cylinder(4.05, 10, base=(x, 0, -1), facets=32) for x in (30, -30)]
     cover = fo.cut(fo.Box((80, 80, 8), centre=(0, 0, 4)), *bores, name="cover")
     return fo.Problem(cover, base, tolerance=tau, requirement="B", goal=goal, motion=UP, nominal=(1, 1))
+
+
+def test_what_plane_walls_say_was_left_open_by_a_bore_between_them() -> None:
+    """A hexagon of 15 across its edges, 15.3 as made, in a chute of 15.4, 15.092 as made: its bore is no wall."""
+    across = [(7.5 * math.cos(turn), 7.5 * math.sin(turn)) for turn in np.arange(6) * math.pi / 3]
+    hexagon = fo.Body.convex([(x, y, z + across[1][1]) for x in (-15, 15) for y, z in across])
+    standoff = fo.cut(hexagon, fo.Cylinder(2.5, 40, base=(-20, 0, 6.5), axis="x"), name="standoff")
+    chute = fo.cut(fo.Box((50, 24, 19), centre=(0, 0, 4.5)), fo.Box((60, 15.4, 20), centre=(0, 0, 10)), name="chute")
+    found = fo.solve(fo.Problem(standoff, chute, tolerance=0.02, requirement="B", goal="seat", motion=UP))
+    assert found.status is Status.INFEASIBLE
+    assert not found.left_by_mesh
+    told = verdict_text(found)
+    assert told.startswith("does not fit: standoff 15.30 in chute 15.09, between face ")
+    assert told.endswith(" of chute; no such motion brings them together")
 
 
 BETWEEN_BORES = 0.1 / 103.9  # 51.9 (1 + t) = 52 (1 - t); facets out of phase leave .00066

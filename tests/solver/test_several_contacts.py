@@ -790,16 +790,42 @@ def test_five_points_whose_newton_steps_went_to_and_fro_are_closed() -> None:
 
 
 def test_flat_locators_at_unlike_heights_were_no_reason_why_none_was_found() -> None:
-    """Flush contacts keep faces parallel: neither side stop can be met with the other, and what clashes is told."""
+    """Flush contacts keep faces parallel: neither side stop can be met with the other, whatever the motion is."""
     work = fo.Box((60, 40, 20), centre=(30, 20, 10), name="work")
     stops = [fo.Box((5, 8, 5), centre=(x, -4, 10)) for x in (10, 50)]
     rests = [fo.Box((5, 5, 8), centre=(x, y, -4)) for x, y in ((10, 20), (50, 8), (50, 32))]
     high = fo.Size("stop", "static", faces=[{"through": (50, 0, 10)}], tolerance=0.05)
     asked = {"contacts": "all", "goal": "at", "sizes": [high], "made": {"stop": 0.04}}
     found = fo.solve(fo.Problem(work, fo.joined(*rests, *stops, name="fixture"), motion=fo.Free(), **asked))
-    assert found.status.name == "NOT_FOUND"
-    assert re.search(r"contacts \d, \d exclude each other; below the amount", str(found))
-    assert "faces in contact stay parallel: round or pointed locators" in found.advice
+    assert found.status.name == "INFEASIBLE"
+    assert re.search(
+        r"contacts \d, \d exclude each other; faces in contact stay parallel: round or pointed", str(found)
+    )
+
+
+def test_a_beam_on_posts_of_unlike_height_was_left_open() -> None:
+    """A post .1 too high: no motion lays the flat beam on both; level on the high one its largest gap is least, .1."""
+    posts = [fo.Box((10, 20, 20), centre=(x, 0, -10)) for x in (-45, 45)]
+    bed = fo.joined(fo.Box((120, 30, 10), centre=(0, 0, -25)), *posts, name="posts")
+    high = fo.Size("right post", "static", faces={"through": (45, 0, 0)}, tolerance=0.15)
+    motion = fo.Translation("z") >> fo.Rotation("y", centre=(0, 0, 0))
+    asked = {"sizes": [high], "made": {"right post": 0.1}, "contacts": "all", "motion": motion}
+    beam = fo.Box((120, 20, 10), centre=(0, 0, 5), name="beam")
+    seat, fit = (fo.solve(fo.Problem(beam, bed, goal=goal, **asked)) for goal in ("seat", "fit"))
+    assert seat.status is Status.INFEASIBLE
+    assert (fit.parameters["TZ"], fit.parameters["RY"]) == (pytest.approx(0.1, abs=1e-9), 0.0)
+    assert fit.lower_bound == fit.amount
+
+
+def test_a_block_too_wide_for_its_channel_was_not_proved_not_to_lie_in_it() -> None:
+    """10 (1 + t) of block in 10.2 (1 - t) of channel: t = .2 / 20.2 at most; shifted out of it, it lies on nothing."""
+    block = fo.Box((20, 10, 10), centre=(0, 0, 5))
+    channel = fo.cut(fo.Box((40, 30, 20), centre=(0, 0, 5)), fo.Box((50, 10.2, 20), centre=(0, 0, 10)))
+    asked = {"requirement": "B", "goal": "seat", "contacts": "all"}
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    for tolerance, status in ((0.2 / 20.2 - 1e-6, Status.SOLVED), (0.2 / 20.2 + 1e-6, Status.INFEASIBLE)):
+        found = fo.solve(fo.Problem(block, channel, tolerance=tolerance, motion=motion, **asked))
+        assert found.status is status
 
 
 WEDGE = 5.0 * 2.0**0.5  # how deep a groove is whose flanks of 45 deg touch a ball of radius 5 at its mouth's height

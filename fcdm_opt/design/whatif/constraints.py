@@ -405,13 +405,12 @@ def _without(solution: Any, constraint: Constraint) -> Dropped:
 
 
 def _other_goals(problem: Problem, least: float) -> Iterator[Dropped]:
-    """Yield the problem with each other goal that makes a question; a clearance goes where nothing asks for it."""
+    """Yield the problem with each other goal that makes a question."""
     for goal in GOALS:
         if goal == problem.goal:
             continue
-        clearance = problem.clearance if "clear" in (goal, problem.pair) and goal != "touch" else 0.0
         try:
-            other = problem.changed(goal=goal, clearance=clearance, features=None)
+            other = problem.changed(goal=goal, features=None)
         except InputError:  # no switching point, nothing flush
             continue
         answer = solve(other, effort="quick")
