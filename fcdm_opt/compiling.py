@@ -116,13 +116,15 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def light(made: Any, share: float = 1.0) -> Any:
-    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data.
-
-    Or for a share of that: one that is called either a few times or very often.
-    """
+    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data."""
     if not config.DISABLE_JIT:
         made.patience, made.share = math.inf, share  # what it calls need not be there yet
     return made
+
+
+def often(made: Any) -> Any:
+    """Let a kernel run so for a share of that: one that is called either a few times or very often."""
+    return light(made, OFTEN)
 
 
 def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
@@ -448,7 +450,7 @@ _NAMES: dict[str, dict[str, Any]] = {}  # of each module, with plain Python in p
 
 @cache
 def _written(made: _Compiled) -> Callable[..., Any]:
-    """Return a kernel as plain Python, which calls others as plain Python."""
+    """Return a kernel as plain Python, which calls others as plain Python, too, but those that are compiled."""
     written: Any = made.py_func
     names = _NAMES.get(written.__module__)
     if names is None:
@@ -459,6 +461,8 @@ def _written(made: _Compiled) -> Callable[..., Any]:
     function = FunctionType(written.__code__, names, written.__name__, written.__defaults__)
 
     def clocked(*args: Any) -> Any:
+        if made.is_there():
+            return made(*args)
         if next(_calls) % LOOKS == 0 and thread_time() > _until.clock:
             raise _CostlyError
         return function(*args)

@@ -17,13 +17,10 @@ def game(W):
     # entries are shifted to lie above 0; then the shares are the multipliers of max sum y, W y <= 1, y >= 0. Stopped
     # early they are still shares: whoever uses them looks at the mixture itself
     m, n = W.shape
-    low, high, finite = np.inf, -np.inf, True
-    for k in range(m):
-        for c in range(n):
-            low, high, finite = min(low, W[k, c]), max(high, W[k, c]), finite and abs(W[k, c]) < np.inf
+    low, high = W.min(), W.max()
     spread = high - low
     shares = np.zeros(m)
-    if m == 1 or not (finite and 0.0 < spread < np.inf):
+    if m == 1 or not 0.0 < spread < np.inf:
         shares[0] = 1.0
         return shares
     table, basis = np.zeros((m + 1, n + m + 1)), np.empty(m, np.int64)
@@ -47,20 +44,16 @@ def game(W):
                 row, ratio = k, table[k, n + m] / table[k, column]
         if row < 0:
             break
-        pivot, basis[row] = table[row, column], column
-        for c in range(n + m + 1):
-            table[row, c] /= pivot
+        table[row] /= table[row, column]
         for k in range(m + 1):
-            factor = table[k, column]
-            for c in range(n + m + 1 if k != row and factor != 0.0 else 0):
-                table[k, c] -= factor * table[row, c]
-    total = 0.0
+            if k != row and table[k, column] != 0.0:
+                table[k] -= table[k, column] * table[row]
+        basis[row] = column
     for k in range(m):
         shares[k] = max(table[m, n + k], 0.0)
-        total += shares[k]
+    total = shares.sum()
     if not 0.0 < total < np.inf:
-        shares[:], total = 0.0, 1.0
+        shares[:] = 0.0
         shares[0] = 1.0
-    for k in range(m):
-        shares[k] /= total
-    return shares
+        return shares
+    return shares / total

@@ -40,7 +40,7 @@ def add(x, factor, y):
 
 
 @step
-def fill(x, factor, y):
+def _fill(x, factor, y):
     """Fill x with a multiple of y."""
     for m in range(len(x)):
         x[m] = factor * y[m]
@@ -94,12 +94,12 @@ def nearest(G, h, equal, count, x, duals):
         own, short = 0.0, worst
         while True:
             for a in range(known, used):
-                fill(basis[a], 1.0, G[active[a]])
+                _fill(basis[a], 1.0, G[active[a]])
                 _project(basis[a], basis, a, R[a])
                 R[a, a] = norm(basis[a])
-                fill(basis[a], 1.0 / R[a, a], basis[a])
+                _fill(basis[a], 1.0 / R[a, a], basis[a])
             known = used
-            fill(z, flip, G[pick])
+            _fill(z, flip, G[pick])
             _project(z, basis, used, along)
             for a in range(used - 1, -1, -1):
                 total = along[a]

@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, light
+from fcdm_opt.compiling import kernel, light, often
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -44,7 +44,7 @@ from fcdm_opt.curve.kernels import (
     pair_bounds,
 )
 from fcdm_opt.motion import instructions as codes
-from fcdm_opt.proof.least_distance import _lowest, add, fill, inner, nearest, norm
+from fcdm_opt.proof.least_distance import _lowest, add, inner, nearest, norm
 
 ROW_TARGET, ROW_LINE, ROW_SEPARATION, ROW_DEPTH, ROW_GAP, ROW_BOUND = range(6)
 TYPE, KIND, ONE, TWO, P1, P2, BODY, V, W, EQUAL = range(10)
@@ -472,8 +472,7 @@ def newton(H, G, h, equal, count, z, step, duals):
         _forward(L, G[c], turned[c])
         lengths[c] = max(norm(turned[c]), _TINY)
         levels[c] = (inner(turned[c], low) - h[c]) / lengths[c]
-        for m in range(k):
-            turned[c, m] /= lengths[c]
+        turned[c] /= lengths[c]
     if not nearest(turned, levels, equal, count, step, duals):
         return False
     for c in range(count):
@@ -514,8 +513,7 @@ def normalised(scene, rows, count, all_rows, z, g, G, lengths):
         finite = finite and length < np.inf and abs(g[c]) < np.inf
         lengths[c] = max(length, 1e-9)
         g[c] /= lengths[c]
-        for m in range(len(z)):
-            G[c, m] /= lengths[c]
+        G[c] /= lengths[c]
     return finite
 
 
@@ -535,7 +533,7 @@ def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
     for c in range(count):
         only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != ROW_BOUND else 0.0
     for m in range(k):
-        fill(beside, 1.0, z)
+        beside[:] = z
         beside[m] += SPREAD
         if not evaluate(scene, rows, count, only, beside, g2, G2):
             return False
@@ -543,9 +541,7 @@ def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
             if only[c] > 0.0:
                 for other in range(k):
                     H[m, other] -= duals[c] * (G2[c, other] / lengths[c] - G[c, other]) / SPREAD
-    for m in range(k):
-        for other in range(m):
-            H[m, other] = H[other, m] = 0.5 * (H[m, other] + H[other, m])
+    H[:] = 0.5 * (H + H.T)
     return True
 
 
@@ -558,7 +554,7 @@ def _blend(H, share):
         H[m, m] += 1.0 - share
 
 
-@light
+@often
 @kernel
 def descend(scene, rows, count, steepest, z, duals, enough):
     """Move z to the least vector that keeps the rows, from where it is; return how it ended.
@@ -569,9 +565,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
     k = len(z)
     g, G, lengths = np.empty(count), np.empty((count, k)), np.empty(count)
     g2, G2, lengths2 = np.empty(count), np.empty((count, k)), np.empty(count)
-    all_rows, equal = np.empty(count), np.empty(count, np.bool_)
-    for c in range(count):
-        all_rows[c], equal[c] = 1.0, rows[0][c, EQUAL] > 0
+    all_rows, equal = np.ones(count), rows[0][:count, EQUAL] > 0
     H, step, trial = np.zeros((k, k)), np.empty(k), np.empty(k)
     duals[:count] = 0.0
     if not normalised(scene, rows, count, all_rows, z, g, G, lengths):
@@ -596,23 +590,19 @@ def descend(scene, rows, count, steepest, z, duals, enough):
                 return NOWHERE
             duals[:count] = 0.0
             _relaxed(G, g, equal, count, z, step)
-        longest = far = size = 0.0
-        for m in range(k):
-            longest = max(longest, abs(step[m] / steepest[m]))
-            far, size = max(far, abs(step[m])), max(size, abs(z[m]))
-        if not norm(step) < np.inf:
+        longest, far, size = np.abs(step / steepest).max(), np.abs(step).max(), np.abs(z).max()
+        if not far < np.inf:
             return BROKEN
         if done and far <= EXACT * (1.0 + size) * 10.0 and most <= EXACT * 100.0:
             return FOUND
-        for m in range(k if longest > 1.0 else 0):
-            step[m] /= longest
+        if longest > 1.0:
+            step /= longest
         for c in range(count):
             price = max(price, 2.0 * abs(duals[c]))
         here, t, accepted = 0.5 * norm(z) ** 2 + price * total, 1.0, False
         amount = now = peak = 0.0
         for _ in range(HALVINGS):
-            for m in range(k):
-                trial[m] = z[m] + t * step[m]
+            trial[:] = z + t * step
             amount = 0.5 * norm(trial) ** 2
             if normalised(scene, rows, count, all_rows, trial, g2, G2, lengths2):
                 now, peak = _violation(g2, equal, count)
@@ -623,7 +613,7 @@ def descend(scene, rows, count, steepest, z, duals, enough):
             t *= 0.4
         if not accepted:
             return FOUND if done and far <= NEAR_EXACT and most <= NEAR_EXACT else STUCK
-        fill(z, 1.0, trial)
+        z[:] = trial
         g, g2, G, G2, lengths, lengths2 = g2, g, G2, G, lengths2, lengths
         if done and far <= NEAR_EXACT and far >= 0.3 * last and peak <= NEAR_EXACT:
             return FOUND  # rounding

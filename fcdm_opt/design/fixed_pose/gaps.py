@@ -10,11 +10,9 @@ right side, too. The scales (x, y) of both bodies are sizes with the rates (-a, 
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from fcdm_opt.compiling import OFTEN, kernel, light, step
+from fcdm_opt.compiling import kernel, often, step
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.kernels import (
     _at,
@@ -23,13 +21,12 @@ from fcdm_opt.curve.kernels import (
     _length,
     _longer,
     _minus,
-    _plus,
     _times,
     _turned,
     _turned_back,
     facet_rows,
 )  # fmt: skip
-from fcdm_opt.proof.least_distance import _lowest, add, fill, nearest, nearest_points
+from fcdm_opt.proof.least_distance import _lowest, nearest, nearest_points
 from fcdm_opt.tolerances import DEFAULT
 
 SHIFTED, TRACKED, DIRECTED = range(3)  # kinds of witnesses, see `cell_bound`
@@ -38,7 +35,7 @@ _INF = np.inf
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
     """Return the rows of part pairs (i, j), one pair after the other, and where each one's begin."""
@@ -56,7 +53,7 @@ def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
         if count + len(own) > len(rows):
             rows = _longer(rows, 2 * (count + len(own)))
         for row in own:
-            rows[count, 0], rows[count, 1], rows[count, 2] = _entry(row, 0)
+            rows[count, :3] = row[:3]
             rows[count, 3], rows[count, 4], rows[count, 5] = row[5], -row[3], -row[4]
             count += 1
         first[p + 1] = count
@@ -110,7 +107,7 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     return best * length
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
@@ -125,7 +122,7 @@ def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     return best, owner
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def gaps(rows, first, along_rows, sizes):
     """Return the signed gap of two bodies at sizes (m, k), the part pair that has each, and its direction, (m, 3)."""
@@ -137,7 +134,7 @@ def gaps(rows, first, along_rows, sizes):
     return found, owners, ways
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def gaps_of_pairs(rows, first, along_rows, sizes):
     """Return the signed distance of every part pair at sizes (m, k), (pairs, m)."""
@@ -183,9 +180,9 @@ def _moved_points(points, S, poses, scale, shifts, off):
     For points of body 1 about its seed, at a scale, of which each vertex makes the way d - scale R x. The common shift
     is that of their mean; off it, by each of the cell's variables, no vertex is by more.
     """
-    k, error, mean = len(S) - 2, 0.0 if len(points) else _length(_entry(S[len(S) - 1], 9)), (0.0, 0.0, 0.0)
-    for v in range(len(points)):
-        mean = _plus(mean, _times(1.0 / len(points), _at(points, v)))
+    k, error, mean = len(S) - 2, _length(_entry(S[len(S) - 1], 9)), (0.0, 0.0, 0.0)
+    if len(points):
+        error, mean = 0.0, (points[:, 0].mean(), points[:, 1].mean(), points[:, 2].mean())
     for v in range(len(points)):
         x = _at(points, v)
         for c in range(k):
@@ -199,7 +196,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
     return error
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_rows, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
@@ -233,15 +230,12 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
     """
     k, m = len(S) - 2, len(sizes)
     corners, n1, n2 = 1 << k, len(starts1) - 1, len(starts2) - 1
-    poses, here, still = _corner_poses(S), (0.0, 0.0, 0.0), True
-    for c in range(1, k + 2):
-        for i in range(9):
-            still = still and S[c, i] == 0.0
+    poses, here, still = _corner_poses(S), (0.0, 0.0, 0.0), not S[1:, :9].any()
     chosen, count = np.empty((corners + 1, 2), np.int64), 0
     ways, value, scratch = np.empty((m, n1 * n2, 3)), -_INF, np.empty(3)
-    shifts, offs, errors = np.empty((m, corners + 1, 3)), np.zeros((m, k)), np.empty(m)
-    worst, of_corner, likely = np.empty(corners + 1), np.empty((corners + 1, 2), np.int64), 0
-    worst[:], of_corner[:] = -_INF, 0
+    shifts, offs, errors = np.empty((m, corners + 1, 3)), np.zeros((m, k)), np.zeros(m)
+    worst, of_corner = np.full(corners + 1, -_INF), np.zeros((corners + 1, 2), np.int64)
+    likely = 0
     for s in range(m):
         errors[s] = _moved_points(one, S, poses, sizes[s, 0], shifts[s], offs[s])
         gap, likely = least_gap(rows, first, along_rows, sizes[s], here, likely, scratch)
@@ -255,7 +249,7 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
         for w in range(count):
             known = known or (chosen[w, 0] == of_corner[corner, 0] and chosen[w, 1] == of_corner[corner, 1])
         if not known:
-            chosen[count, 0], chosen[count, 1] = of_corner[corner, 0], of_corner[corner, 1]
+            chosen[count] = of_corner[corner]
             count += 1
     more = m if high < _INF else 0
     W, kinds = np.empty((2 * count + more, corners)), np.empty((2 * count + more, 3), np.int64)
@@ -263,9 +257,7 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
     for w in range(count):
         p, s = chosen[w, 0], chosen[w, 1]
         kinds[w, 0], kinds[w, 1], kinds[w, 2] = SHIFTED, p, s
-        loss = errors[s]
-        for c in range(k):
-            loss += offs[s, c]
+        loss = offs[s].sum() + errors[s]
         for corner in range(corners):
             shift = _at(shifts[s], corner)
             gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[s], shift, _INF, scratch)
@@ -282,7 +274,7 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
         for p in range(len(near)):
             gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[s], here, _INF, scratch)
             if n1:
-                fill(ways[s, near[p, 0] * n2 + near[p, 1]], 1.0, scratch)
+                ways[s, near[p, 0] * n2 + near[p, 1]] = scratch
             for corner in range(corners if still else 0):
                 along = _dot(_at(shifts[s], corner), _entry(scratch, 0))
                 W[used, corner] = min(W[used, corner], gap + along - errors[s] - high)
@@ -301,17 +293,16 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
         used += 1
     W, kinds = W[:used], kinds[:used]
     shares = game(W)
-    mixed, scores, bound = np.zeros(corners), np.zeros(k), _INF
+    mixed = np.zeros(corners)
     for w in range(len(shares)):
-        add(mixed, shares[w], W[w])
-    for level in mixed:
-        bound = min(bound, level) if level > -_INF else -_INF  # nan shows nothing
+        mixed += shares[w] * W[w]
+    scores = np.zeros(k)
     for c in range(k):
         for corner in range(corners):
             scores[c] += abs(mixed[corner] - mixed[corner ^ (1 << c)]) / (2.0 * corners)
         for w in range(count):
             scores[c] += shares[w] * offs[kinds[w, 2], c]
-    return bound, value, shares, kinds, ways, scores
+    return mixed.min(), value, shares, kinds, ways, scores
 
 
 @kernel
@@ -332,7 +323,7 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
     Return whether that is anywhere more than nothing: else the facets need not remain about zero.
     """
     values[:] = _INF
-    reach, least = 0.0, _INF
+    reach = 0.0
     for v in range(len(one)):
         reach = max(reach, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
     for f in range(start, end):
@@ -345,8 +336,7 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
             level = -rows[f, 5] * y - _lost(S[len(S) - 1], x, n, _at(one, v))
             for corner in range(len(values)):
                 values[corner] = min(values[corner], low + level - _dot(n, _way(poses[corner], x, _at(one, v))))
-                least = min(least, values[corner])
-        if rows[f, 3] + rows[f, 4] * x + rows[f, 5] * y >= 0.0 or not least > low:
+        if rows[f, 3] + rows[f, 4] * x + rows[f, 5] * y >= 0.0 or not values.min() > low:
             return False
     return True
 
