@@ -12,7 +12,8 @@
   once needs no compiling, unless compiled code is kept already, or all is to be compiled (`eager`). That lasts until
   plain Python has taken as long as compiling would, in this process and its copies together; what it took in all
   runs is noted beside the code.
-- of processes that want the same kernel one compiles it; the others wait, and take what it keeps.
+- of processes that want the same kernel one compiles it; the others wait, and take what it keeps. Nobody waits for
+  what is compiled in the background (`stay_behind`): at its low priority that may take minutes.
 - the code that is kept is known by what it was made from: a function's instructions and those of all that it calls, in
   whichever file, and each number that these take from their modules. So no change anywhere can leave old code in use.
 """
@@ -49,6 +50,9 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import TargetConfig
+from numba.extending import overload
+from numba.np import arrayobj
 
 from fcdm_opt import pacing
 from fcdm_opt.version import __version__ as version
@@ -61,6 +65,7 @@ _Format: Any = CompileResultCacheImpl
 _Files: Any = FunctionCache
 _Library: Any = JITCodeLibrary
 _Passes: Any = Compiler
+_Flags: Any = TargetConfig
 
 # no fastmath, as NaN and the order of sums matter; no bounds checks; "numpy" division: nothing tests for zero twice
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
@@ -72,7 +77,7 @@ Needed = set[tuple[str, str, tuple[Any, ...]]]
 """Compiled code that other code calls: module, name and types of each kernel."""
 _NEEDED: list[Needed] = []  # of what is being compiled, the innermost last
 
-COMPILING = 3.6e-4
+COMPILING = 2.1e-4  # seconds a byte of instructions
 OFTEN = 0.16  # share of the time of compiling that a kernel runs as written which has a few calls or thousands
 IN_ALL = 30.0  # seconds of plain Python that light kernels may take together in one run
 IN_RUNS = 40.0  # and in all runs, as noted where their code is kept: compiling all of them takes about as long
@@ -86,7 +91,9 @@ PLACES = 1 << 16  # of kernels in what processes share
 _left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
 _left[0] = IN_ALL
 _spent = np.frombuffer(mmap(-1, 8 * PLACES))  # seconds of each kernel, in all these processes
+_made = [0]  # how many kernels were compiled
 _taken = [0.0]  # seconds that are to be noted
+_behind = [0]  # in how many times `ALL_PLACE` the kernels' locks of processes in the background begin
 ALL_PLACE = 1 << 32  # past every checksum, in the file of locks
 NOTE, NOTED = "seconds-of-plain-python", 0.2  # where, and how many at least
 KEPT_AS = 2  # how code is kept: with another number it is made anew
@@ -109,21 +116,23 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def light(made: Any, share: float = 1.0) -> Any:
-    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data.
-
-    Or for a share of that: one that is called either a few times or very often.
-    """
+    """Let a kernel run as plain Python for as long as compiling it takes: one whose work is little on little data."""
     if not config.DISABLE_JIT:
         made.patience, made.share = math.inf, share  # what it calls need not be there yet
     return made
 
 
+def often(made: Any) -> Any:
+    """Let a kernel run so for a share of that: one that is called either a few times or very often."""
+    return light(made, OFTEN)
+
+
 def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
-    """Add a kernel to those known, and all that it calls."""
+    """Add a kernel to those known, and all that it calls: what is to be compiled with it."""
     known.add(made)
     for name in made.py_func.__code__.co_names:
         called = made.py_func.__globals__.get(name)
-        if isinstance(called, _Compiled) and called not in known:
+        if isinstance(called, _Compiled) and called not in known and not called.is_there():
             _with_called(called, known)
     return known
 
@@ -131,6 +140,12 @@ def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
 def eager() -> None:
     """Compile light kernels, too, when they are first called: from now on, in this process."""
     _left[0] = 0.0
+
+
+def stay_behind(nice: int) -> None:
+    """Go on at a lower priority: processes that do so hold each other off from a kernel, but none of the others."""
+    os.nice(nice)
+    _behind[0] = 2
 
 
 def step(function: Callable[..., Any]) -> Any:
@@ -147,6 +162,7 @@ class _Compiled(_Dispatcher):
         self.keeps = False  # its code on disk
         self.patience, self.share = 0.0, 1.0
         self.place = zlib.crc32(f"{self.py_func.__module__}.{self.py_func.__name__}".encode())
+        self.kept, self.asked = False, -1  # by earlier runs; how many had been compiled when it was last asked that
         self.needed: dict[tuple[Any, ...], Needed] = {}  # of each version: others that must be there before it
         self._served: set[tuple[Any, ...]] = set()
 
@@ -160,6 +176,7 @@ class _Compiled(_Dispatcher):
                     _NEEDED.append(set())
                     try:
                         super().compile(args)
+                        _made[0] += 1
                     finally:
                         self.needed[args] = _NEEDED.pop()
                 self._register(self.overloads[args])
@@ -207,14 +224,20 @@ class _Compiled(_Dispatcher):
 
     def _is_little(self, args: tuple[Any, ...]) -> bool:
         _count_runs()
-        if self.patience == math.inf:  # the first call
-            self._find_files()
-            kept: Any = self._cache
-            there = self.keeps and kept._enabled and kept._cache_file._load_index()  # some version
-            called = () if there else _with_called(self, set())
-            self.patience = self.share * COMPILING * sum(len(each.py_func.__code__.co_code) for each in called)
+        if self.patience == math.inf or self.asked < _made[0]:
+            called = () if self.is_there() else _with_called(self, set())
+            self.asked, code = _made[0], sum(len(each.py_func.__code__.co_code) for each in called)
+            self.patience = min(self.patience, self.share * COMPILING * code)
         lasting = min(self._lasting(), _left[0]) > 0.0 and not self.overloads
         return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
+
+    def is_there(self) -> bool:
+        """Return whether some version is compiled, by this run or an earlier one."""
+        if self.keeps and self.asked < 0:
+            self._find_files()
+            found: Any = self._cache
+            self.kept, self.asked = self.keeps and found._enabled and bool(found._cache_file._load_index()), 0
+        return self.keeps and (self.kept or bool(self.overloads))
 
     def _interpreted(self, *args: Any) -> Any:
         """Run as plain Python, with all that it calls, or compiled where that takes too long.
@@ -287,16 +310,19 @@ def _locked(made: _Compiled) -> Iterator[None]:
     if locks is None:
         yield
         return
-    start = perf_counter()
+    start, own = perf_counter(), made.place + _behind[0] * ALL_PLACE
     with suppress(OSError):  # a file system without locks
-        fcntl.lockf(locks, fcntl.LOCK_EX, 1, made.place)
+        fcntl.lockf(locks, fcntl.LOCK_EX, 1, own)
+        if _behind[0]:  # until nobody in front is at it; who wants it now does not wait for this
+            fcntl.lockf(locks, fcntl.LOCK_EX, 1, made.place)
+            fcntl.lockf(locks, fcntl.LOCK_UN, 1, made.place)
     if not _NEEDED:
         pacing.exclude_time(perf_counter() - start)
     try:
         yield
     finally:
         with suppress(OSError):
-            fcntl.lockf(locks, fcntl.LOCK_UN, 1, made.place)
+            fcntl.lockf(locks, fcntl.LOCK_UN, 1, own)
 
 
 @cache
@@ -329,9 +355,29 @@ class _Inner(_Compiled):
 class _Instructions(_Library):
     """Code for others to take in, of which no machine code is made."""
 
+    def _optimize_final_module(self) -> None:
+        """Leave that to what takes it in."""
+
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._finalized = True
+
+
+def _refuse_shapes(source: Any, place: Any) -> None:
+    """Raise as an array is written to a place of another shape."""
+    raise ValueError("arrays of different shapes")
+
+
+@overload(_refuse_shapes)
+def _refusing(source: Any, place: Any) -> Any:
+    return _refuse_shapes
+
+
+# numba's own puts both shapes into words, for which it compiles its strings: that takes longer than most kernels
+arrayobj.raise_with_shape_context = _refuse_shapes
+# compared some thousand times for each kernel, flag by flag
+_Flags.__eq__ = lambda own, other: own._values == other._values or own.values() == other.values()
+_Flags.__hash__ = lambda own: 0
 
 
 class _SameSymbols(_Passes):
@@ -404,7 +450,7 @@ _NAMES: dict[str, dict[str, Any]] = {}  # of each module, with plain Python in p
 
 @cache
 def _written(made: _Compiled) -> Callable[..., Any]:
-    """Return a kernel as plain Python, which calls others as plain Python."""
+    """Return a kernel as plain Python, which calls others as plain Python, too, but those that are compiled."""
     written: Any = made.py_func
     names = _NAMES.get(written.__module__)
     if names is None:
@@ -415,6 +461,8 @@ def _written(made: _Compiled) -> Callable[..., Any]:
     function = FunctionType(written.__code__, names, written.__name__, written.__defaults__)
 
     def clocked(*args: Any) -> Any:
+        if made.is_there():
+            return made(*args)
         if next(_calls) % LOOKS == 0 and thread_time() > _until.clock:
             raise _CostlyError
         return function(*args)

@@ -94,7 +94,7 @@ def warmup_command(background: Annotated[bool, typer.Option("--background", hidd
     if not compiling.compiles_all() and background:
         return
     if background:
-        os.nice(NICE)
+        compiling.stay_behind(NICE)
     try:
         with pacing.working_on("warmup"):
             pacing.at("compiling what all commands share, for the first time: about three minutes in all")

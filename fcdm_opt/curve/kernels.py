@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, light, step
+from fcdm_opt.compiling import kernel, light, often, step
 
 F1V2, V1F2, E1E2 = 0, 1, 2
 # how a walk ended: done, left to exact arithmetic, no room for the answer, no overlap at any scale pair
@@ -1974,7 +1974,7 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     return bounds
 
 
-@light
+@often
 @kernel
 def near_gaps(reals1, ints1, places1, reals2, ints2, places2, pose, rho, enough):
     """Return the signed gap of every part pair at a scale pair, (parts 1, parts 2), as exact as it is needed."""
@@ -2116,9 +2116,7 @@ def _middles(reals, ints, places):
 def _longer(values, room):
     """Return an array with more rows, the first as they were."""
     more = np.empty((room,) + values.shape[1:], values.dtype)  # noqa: RUF005 -- compiled code cannot unpack
-    to = more.ravel()
-    for k, value in enumerate(values.flat):  # as a whole they would be compared in shape, and all that says so compiled
-        to[k] = value
+    more[: len(values)] = values
     return more
 
 

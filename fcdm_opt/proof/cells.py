@@ -11,11 +11,9 @@ axes, or the direction of edge 1; the direction of edge 2; a point of element 1;
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from fcdm_opt.compiling import OFTEN, kernel, light, step
+from fcdm_opt.compiling import kernel, often, step
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -199,7 +197,7 @@ def _set_crossing(lines, determinant, excess):
         _add_product(excess[1], sign, lines[k, 0], lines[1 - k, 3])
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def goal_cells(T, features, target, signs, margin, codes, witness):
     """Tell where the tracked contact cannot be where the goal wants it."""
@@ -243,7 +241,7 @@ def _opposed(x, y, sign, margin):
     return (_low(x) > margin and _high(y) < -margin) or (_high(x) < -margin and _low(y) > margin)
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def support_cells(T, features, one, starts1, two, starts2, least, margin, codes, witness):
     """Tell where a vertex reaches beyond the plane of a tracked feature, at every scale pair of at least `least`."""
@@ -283,7 +281,7 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
                 break
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def left_cells(T, features, target, first, second, margin, codes, witness):
     """Tell where another direction keeps the tracked part pair apart at the tracked scale pair."""
@@ -669,7 +667,7 @@ def _stay_apart(T, movable, obstacles, pair, margin, site, n, height):
     return False
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def pair_cells(T, movable, obstacles, partners, asked, near, margin, tries, codes, witness):
     """Tell where a part overlaps an obstacle or is too near, and where all pairs that ought to touch stay apart.

@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from fcdm_opt.compiling import kernel, light
+from fcdm_opt.compiling import kernel, light, often
 from fcdm_opt.curve.kernels import (
     E1E2,
     F1V2,
@@ -554,7 +554,7 @@ def _blend(H, share):
         H[m, m] += 1.0 - share
 
 
-@light
+@often
 @kernel
 def descend(scene, rows, count, steepest, z, duals, enough):
     """Move z to the least vector that keeps the rows, from where it is; return how it ended.

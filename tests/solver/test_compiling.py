@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from conftest import PLAIN
 from documents import ROOT
+from numba.core import event
 
 from fcdm_opt import compiling, pacing
 from fcdm_opt.cli import starting
@@ -203,6 +204,53 @@ def test_plain_python_that_takes_longer_than_compiling_is_left(monkeypatch: pyte
     assert (made(x, counts), counts[0], len(made.signatures)) == (4.0, 2.0, 1)
 
 
+@kernel
+def doubled(x):
+    return 2.0 * x[0]
+
+
+@kernel
+def calling(x):
+    return doubled(x) + doubled(x[1:])
+
+
+def test_what_is_compiled_already_was_counted_and_run_as_plain_python_for_what_calls_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiling._count_runs()
+    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    x, made = np.array([1.0, 2.0]), light(calling)
+    assert doubled(x) == 2.0
+    monkeypatch.setattr(doubled, "py_func", None)  # not run any more
+    assert made(x) == 6.0
+    assert not made.signatures
+    assert made.patience == compiling.COMPILING * len(calling.py_func.__code__.co_code)
+
+
+@kernel
+def put(x, values):
+    x[1:] = values
+
+
+def test_no_text_of_an_error_is_compiled_where_an_array_is_written_to_a_place() -> None:
+    class Seen(event.Listener):
+        def on_start(self, event: Any) -> None:
+            names.append(event.data["dispatcher"].py_func.__module__)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    x, names = np.zeros(3), list[str]()
+    put.keeps = False
+    with event.install_listener("numba:compile", Seen()):
+        put(x, np.ones(2))
+    assert x.tolist() == [0.0, 1.0, 1.0]
+    assert names
+    assert not [name for name in names if "unicode" in name], "two seconds of strings for each first run"
+    with pytest.raises(ValueError, match="shapes"):
+        put(x, np.ones(3))
+
+
 def test_all_that_a_kernel_of_the_package_reads_is_told_apart() -> None:
     """No stamp holds an address: it would be another one in every process."""
     for made in list(compiling._ALL):
@@ -269,6 +317,27 @@ def test_two_processes_beside_each_other_both_compiled_one_kernel(tmp_path: Path
         env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert (done.stdout, done.stderr.count("compiling")) == ("[2.0, 2.0]\n", 1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no processes beside")
+def test_a_command_waited_for_what_the_background_compiled_at_low_priority(tmp_path: Path) -> None:
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE.format(kind="kernel", factor=2.0, share=0.0))
+    behind = "from fcdm_opt import compiling; compiling.stay_behind(1)\n"
+    holding = "with compiling._locked(whole): print(flush=True); input()"
+    program, env = CALL.replace("print(whole(1.0))", ""), os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    with subprocess.Popen(
+        [sys.executable, "-c", behind + program + "\n" + holding, str(tmp_path)],
+        env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as holds:  # fmt: skip
+        assert holds.stdout
+        holds.stdout.readline()
+        try:
+            line = [sys.executable, "-c", CALL, str(tmp_path)]
+            done = subprocess.run(line, env=env, capture_output=True, text=True, check=True, timeout=60.0)
+        finally:
+            holds.communicate("\n")
+    assert done.stdout == "2.0\n"
 
 
 @pytest.mark.slow

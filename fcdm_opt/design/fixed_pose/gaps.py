@@ -10,11 +10,9 @@ right side, too. The scales (x, y) of both bodies are sizes with the rates (-a, 
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from fcdm_opt.compiling import OFTEN, kernel, light, step
+from fcdm_opt.compiling import kernel, often, step
 from fcdm_opt.curve.games import game
 from fcdm_opt.curve.kernels import (
     _at,
@@ -37,7 +35,7 @@ _INF = np.inf
 _ALIKE = DEFAULT.nominal  # heights of vertices that differ by less, relative to the part, are a facet's
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def pair_rows(reals1, ints1, places1, reals2, ints2, places2, pose, pairs):
     """Return the rows of part pairs (i, j), one pair after the other, and where each one's begin."""
@@ -109,7 +107,7 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     return best * length
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
@@ -124,7 +122,7 @@ def least_gap(rows, first, along_rows, sizes, shift, likely, way):
     return best, owner
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def gaps(rows, first, along_rows, sizes):
     """Return the signed gap of two bodies at sizes (m, k), the part pair that has each, and its direction, (m, 3)."""
@@ -136,7 +134,7 @@ def gaps(rows, first, along_rows, sizes):
     return found, owners, ways
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def gaps_of_pairs(rows, first, along_rows, sizes):
     """Return the signed distance of every part pair at sizes (m, k), (pairs, m)."""
@@ -198,7 +196,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
     return error
 
 
-@partial(light, share=OFTEN)
+@often
 @kernel
 def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_rows, S, sizes, low, high):
     """Return a lower bound of how far the worst gap is off the window, over a cell of poses, and what proves it.
