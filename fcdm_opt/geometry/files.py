@@ -393,9 +393,9 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         if not glb:
             raise ValueError("no shape can be made of it")
         scene = _scene(glb)
-        each = {id(mesh): _Faces.of(mesh) for mesh, *_ in scene}
-        sure = planes.sure([*each.values()]) if len(planes.normals) else None
-        sharp = [_sharpened(each[id(mesh)], deviation, planes, sure) for mesh, *_ in scene]
+        faces = {id(mesh): _Faces.of(mesh) for mesh, *_ in scene}
+        sure = planes.sure([*faces.values()]) if len(planes.normals) else None
+        sharp = [_sharpened(faces[id(mesh)], deviation, planes, sure) for mesh, *_ in scene]
         off = np.max([own for _, own, *_ in sharp], axis=0, initial=0.0) if sharp else np.zeros(2)
         if deviation is None or tolerance is None or off.max() <= deviation:
             break
