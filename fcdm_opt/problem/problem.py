@@ -316,8 +316,13 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         return frozen(np.where(np.abs(off) <= DEFAULT.nominal * self.nominal_pair, 0.0, np.sign(off)))
 
     def _check_goal(self) -> None:
-        if self.goal in (*TRACKING, FIT) and not self.touches_between_facets:
-            self.check_goal(self.target, self.signs)
+        if self.goal not in (*TRACKING, FIT) or self.touches_between_facets:
+            return
+        if not self.contacts and self.nominal_contact is None and self.round_contacts:
+            what = f'goal "{self.goal}" tracks contacts of facets, and as drawn none touch: round faces do'
+            others = '"touch" or "clear"' if self.goal in ("at", "seat") else '"at", "seat", "touch" or "clear"'
+            raise InputError(what, key="goal", found=self.goal, allowed=f"{others}, which are of round faces")
+        self.check_goal(self.target, self.signs)
 
     @cached_property
     def touches_between_facets(self) -> bool:

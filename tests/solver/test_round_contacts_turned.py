@@ -298,3 +298,17 @@ def test_a_plate_on_three_pins_changes_with_each_pin_as_its_closed_form_does(mot
         rates = closed(*step).imag / 1e-30
         assert given.sizes[name] == pytest.approx(rates[3], abs=1e-5)
         assert given.motion_by_size[name][[0, 1, -1]] == pytest.approx(rates[:3], abs=1e-5)
+
+
+@pytest.mark.parametrize("asked", [{"goal": "fit", "contacts": "all"}, {"goal": "beyond"}])
+def test_round_faces_that_touch_between_facets_were_said_to_be_apart(asked) -> None:
+    """A roller on a block with half a facet down: its facets are .0086 off, R (1 - cos(pi / 24)), and it is not."""
+    turn = np.eye(4)
+    turn[:3, :3], turn[2, 3] = Rotation.from_euler("y", pi / 24).as_matrix(), 1.0
+    roller = fo.Cylinder(1.0, 4.0, base=(0, -2, 0), axis="y", facets=24).moved(turn)
+    block = fo.Box((10, 10, 2), centre=(0, 0, -1))
+    how = {"motion": fo.Translation("z"), "tolerance": 0.01, "requirement": "A"}
+    with pytest.raises(fo.errors.InputError, match="contacts of facets, and as drawn none touch: round faces do"):
+        fo.Problem(roller, block, **asked, **how)
+    found = fo.solve(fo.Problem(roller, block, goal="at", **how))
+    assert found.amount == pytest.approx(0.02, rel=1e-9)  # the roller by .01, and the block's top by .01 of its 1
