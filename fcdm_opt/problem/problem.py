@@ -320,11 +320,9 @@ class Problem(NominalContact, AnyScene, NotebookRepr):
         if self.goal not in (*TRACKING, FIT) or self.touches_between_facets:
             return
         if not self.contacts and self.nominal_contact is None and self.round_contacts:
-            what = "the parts touch as drawn on round faces, between their facets, which the goal does not follow so"
-            allowed = (
-                '"at" or "seat" with shifts, or with turns of balls on faces and of cylinders on planes; or "touch"'
-            )
-            raise InputError(what, key="goal", found=self.goal, allowed=allowed)
+            what = f'as drawn round faces touch, between their facets, which goal "{self.goal}" does not follow so'
+            allowed = '"at" or "seat" with shifts, or with turns of balls on faces and of cylinders on planes'
+            raise InputError(what, key="goal", found=self.goal, allowed=f'{allowed}; "touch" or "clear"')
         self.check_goal(self.target, self.signs)
 
     @cached_property

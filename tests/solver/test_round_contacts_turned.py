@@ -339,7 +339,7 @@ def test_a_segment_flush_with_a_plate_touched_it_sideways_in_the_middle_of_a_fac
 def test_a_goal_that_does_not_follow_a_contact_between_facets_says_so() -> None:
     """It spoke of a scale pair that is nearest to a curve, and of poses sensed."""
     asked = {"target": (1, 1), "motion": fo.Translation("z") >> fo.Rotation("y"), "resolution": 0.01}
-    with pytest.raises(fo.InputError, match="on round faces, between their facets") as refused:
+    with pytest.raises(fo.InputError, match="round faces touch, between their facets") as refused:
         fo.Problem(PANE, rocker(-200, pi / 24), goal="at", **asked)
     assert "snap" not in str(refused.value)
 
@@ -371,3 +371,17 @@ def test_a_pane_on_two_unequal_rockers_lies_on_their_common_tangent(spin: float,
     assert found.parameters["pane"]["TY"] == pytest.approx(0.0, abs=1e-10)
     assert found.lower_bound == pytest.approx(found.amount, rel=1e-6)
     assert fo.verify(found, proof=True).passed
+
+
+@pytest.mark.parametrize("asked", [{"goal": "fit", "contacts": "all"}, {"goal": "beyond"}])
+def test_round_faces_that_touch_between_facets_were_said_to_be_apart(asked) -> None:
+    """A roller on a block with half a facet down: its facets are .0086 off, R (1 - cos(pi / 24)), and it is not."""
+    turn = np.eye(4)
+    turn[:3, :3], turn[2, 3] = Rotation.from_euler("y", pi / 24).as_matrix(), 1.0
+    roller = fo.Cylinder(1.0, 4.0, base=(0, -2, 0), axis="y", facets=24).moved(turn)
+    block = fo.Box((10, 10, 2), centre=(0, 0, -1))
+    how = {"motion": fo.Translation("z"), "tolerance": 0.01, "requirement": "A"}
+    with pytest.raises(fo.errors.InputError, match="as drawn round faces touch, between their facets"):
+        fo.Problem(roller, block, **asked, **how)
+    found = fo.solve(fo.Problem(roller, block, goal="at", **how))
+    assert found.amount == pytest.approx(0.02, rel=1e-9)  # the roller by .01, and the block's top by .01 of its 1
