@@ -42,9 +42,7 @@ ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
 MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 MOST_BRANCHES = 2000  # of directions along which parts are apart
-SHARED = (
-    0.25  # times `Flush.least`, the width across its longest stretch: faces that share as much do so along any side
-)
+SHARED = 0.25  # times `Flush.least`: as wide is what faces share along any direction in their plane
 
 Problems = Sequence[Problem]
 
@@ -151,10 +149,10 @@ def none_shorter(problems: Problems, least: float) -> bool:
         every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
         alternatives += [[*met.values()]] if "touch" in (problem.goal, problem.pair) and every else []
         for joint in problem.chosen_joints if problem.goal != FIT and every else ():  # a pair that carries it touches
-            seat = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
-            if seat is not None and seat.dimension == 2 and len(joint.carriers) == 1:
+            flush = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
+            if flush is not None and flush.dimension == 2 and len(joint.carriers) == 1:
                 n = looks[joint.carriers[0]]
-                wide = SHARED * seat.least * np.linalg.norm(np.cross(n, seat.normal), axis=1)
+                wide = SHARED * flush.least * np.linalg.norm(np.cross(n, flush.normal), axis=1)
                 held.append(met[joint.carriers[0]] + np.outer(wide, np.append(rest, 1.0 / least)))
             else:
                 alternatives.append([met[own] for own in joint.carriers])

@@ -650,7 +650,7 @@ def least(systems: Sequence[System], share: float = 0.0) -> tuple[Array | None, 
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
             if exact and not share and all(own.meets(q, DEFAULT.requirement) for own in unseated):
                 overlaid, _ = least(systems, OVERLAID)
-                regions = overlaid is None and all(seat.dimension == 2 for own in systems for seat in own.task.seats)
+                regions = overlaid is None and all(flush.dimension == 2 for own in systems for flush in own.task.seats)
                 return overlaid, max(bound, least(systems, NARROWEST)[1]) if regions else bound
             return None, bound
         blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
