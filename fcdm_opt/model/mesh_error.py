@@ -304,10 +304,12 @@ def _is_clear(problem: Problem, rho: Array, transform: Array, clearance: float =
 
 
 def leaves_gap_open(solution: Solution) -> bool:
-    """Tell whether bodies within the true ones, or about them, may have another gap after the motion."""
+    """Tell whether bodies within the true ones, or about them, have another gap after a motion that leaves one."""
     # not where faces that facets stand for are elsewhere
+    if not solution.usable or solution.pair_state == "touching":
+        return False
     problem, found = solution.problem, [bounding_bodies(body) for body in solution.problem.bodies[:2]]
-    if any(own is None for own in found) or solution.transform is None or problem.partial:
+    if any(own is None for own in found) or problem.partial:
         return True
     curves = (decision_curve(*own, box=problem.box, transform=solution.transform) for own in zip(*found, strict=True))
     gaps = [float(own.gap(problem.target)) for own in curves]

@@ -594,10 +594,7 @@ class Solution(Bounded):
     @property
     def exact_of_mesh(self) -> bool:
         """Whether facets of round faces leave neither the amount open nor a gap that is told."""
-        has_gap = self.usable and self.pair_state != "touching"
-        return self.amount_low == self.amount_high and not (
-            has_gap and imported("model.mesh_error:leaves_gap_open")(self)
-        )
+        return self.amount_low == self.amount_high and not imported("model.mesh_error:leaves_gap_open")(self)
 
     @property
     def _why_unknown(self) -> str:

@@ -42,9 +42,7 @@ ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
 MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 MOST_BRANCHES = 2000  # of directions along which parts are apart
-SHARED = (
-    0.25  # times `Flush.least`, the width across its longest stretch: faces that share as much do so along any side
-)
+SHARED = 0.25  # times `Flush.least`: as wide is what faces share along any direction in their plane
 
 Problems = Sequence[Problem]
 

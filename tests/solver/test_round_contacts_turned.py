@@ -385,3 +385,21 @@ def test_round_faces_that_touch_between_facets_were_said_to_be_apart(asked) -> N
         fo.Problem(roller, block, **asked, **how)
     found = fo.solve(fo.Problem(roller, block, goal="at", **how))
     assert found.amount == pytest.approx(0.02, rel=1e-9)  # the roller by .01, and the block's top by .01 of its 1
+
+
+def test_a_stack_up_of_a_bead_in_front_of_a_pane_that_rests_flush_on_a_rocker() -> None:
+    """The rocker's rim was a contact with the wall behind it: "cannot all be closed", and .05 for a gap of .5."""
+    frame = fo.joined(fo.Box((640, 42, 5), centre=(0, 9, -2.5)), fo.Box((640, 12, 80), centre=(0, -6, 40)))
+    frame = replace(fo.joined(frame, fo.Box((640, 13.5, 10), centre=(0, 23.25, 5))), name="frame")
+    bead = fo.Box((600, 10, 14), centre=(0, 11, 7), unit="mm", name="bead")
+    sizes = [
+        fo.Size("pane", "pane", faces=["+y", "-y"], each=0.5, tolerance=0.2),
+        fo.Size("depth", "bead", faces=["+y", "-y"], each=0.5, tolerance=0.15),
+        fo.Size("lip", "frame", faces={"through": (0, 16.5, 5)}, tolerance=0.1),
+    ]
+    shift, up = fo.Translation("y") >> fo.Translation("z"), fo.Translation("z")
+    pairs = [("left", "frame"), ("pane", "left"), ("pane", "frame"), ("bead", "frame"), ("bead", "pane")]
+    bodies = [frame, rocker(-200, pi / 24), replace(PANE, name="pane"), bead]
+    scene = fo.Assembly(bodies, pairs, sizes, {"left": up, "pane": shift, "bead": shift}, follows={"pane": "frame"})
+    worst = fo.stack_up(scene, of=("bead", "frame")).worst()
+    assert [worst.least, worst.largest] == pytest.approx([0.05, 0.95], abs=1e-9)
