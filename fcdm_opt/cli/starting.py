@@ -53,7 +53,8 @@ def init_command(
     from fcdm_opt.moved_files import write
 
     if movable.exists() and static.exists() and movable.samefile(static):
-        raise InputError("both parts are of the same file", key="STATIC", found=str(static), allowed="two mesh files")
+        allowed = f'two mesh files, or two solids of one by their names, "{static.name}#NAME"'
+        raise InputError("both parts are of the same file", key="STATIC", found=str(static), allowed=allowed)
     path = Path(own_name(movable, static, SUFFIX)) if out is None else out
     _check_place(path, (movable, static), force)
     made = draft(movable, static, file=path, unit=cast("Unit | None", unit), deviation=deviation)

@@ -41,6 +41,7 @@ from fcdm_opt.problem.fit import FAR, MATING, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
+from fcdm_opt.stages.contact_system import excluding_contacts
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT: Unit = "mm"
@@ -306,9 +307,16 @@ def _because(situation: Situation, choice: Choice) -> str:
 
 
 def _why_not(solution: Solution) -> str:
-    """Return why a case has no motion to use: by which widths the parts do not fit, else what to do."""
-    widths = verdict(solution.problem)
-    return f"{widths[:1].upper()}{widths[1:]}." if widths else solution.advice
+    """Return why a case has no motion to use: by which widths the parts do not fit, else what to do.
+
+    And which of the contacts exclude each other.
+    """
+    if widths := verdict(solution.problem):
+        return f"{widths[:1].upper()}{widths[1:]}."
+    problem = solution.problem
+    names = [own.in_words(problem.movable, problem.static) for own in problem.contacts]
+    told = ["; ".join(names[k] for k in group) for group in excluding_contacts(problem)]
+    return " ".join([solution.advice, *(f"No motion closes at once: {own}." for own in told)])
 
 
 def _remedy(situation: Situation, unit: Any) -> str:

@@ -17,6 +17,7 @@ from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
 from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
@@ -327,10 +328,13 @@ def sure_text(solution: Solution) -> str:
 def _sliding_contact(solution: Solution) -> str:
     """Return that no motion opens the contact, where bodies only slide on plane faces that touch as drawn."""
     problem, motion = solution.problem, solution.problem.motion
-    asked = problem.goal in ("touch", "at", "seat") and motion.shifts
+    steps = [step for step in motion.steps if isinstance(step, Translation | Rotation)]
+    asked = problem.goal in ("touch", "at", "seat") and (motion.shifts or len(steps) == len(motion.steps))
     if not asked or solution.pair_state != "touching" or not solution.features:
         return ""
-    moved = motion.ways(problem.movable.seed, problem.static.seed)
+    shifts = [own.direction for own in steps if isinstance(own, Translation)]
+    moved = motion.ways(problem.movable.seed, problem.static.seed) if motion.shifts else np.reshape(shifts, (-1, 3))
+    turns = np.reshape([own.direction for own in steps if isinstance(own, Rotation)], (-1, 3))
     for feature in solution.features:
         sides = (feature.one, problem.movable), (feature.two, problem.static)
         flat = [pair for pair in sides if pair[0].kind == "F" and not is_round(told_element(pair[1], pair[0]))]
@@ -338,7 +342,8 @@ def _sliding_contact(solution: Solution) -> str:
             return ""
         corners = flat[0][1].vertices[np.array(flat[0][0].vertices) - 1]
         normal = np.linalg.svd(corners - corners.mean(axis=0))[2][2]
-        if np.abs(moved @ normal).max() > DEFAULT.nominal * np.abs(moved).max():
+        off = np.abs(moved @ normal).max(initial=0.0) > DEFAULT.nominal * np.abs(moved).max(initial=0.0)
+        if off or np.abs(np.cross(turns, normal)).max(initial=0.0) > DEFAULT.nominal:
             return ""
     return (
         "this motion only slides the parts on each other, whatever else is near: range and pose tell the play there; "

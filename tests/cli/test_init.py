@@ -25,7 +25,7 @@ from fcdm_opt.cli import app
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.study.schema import DIALECT, KINDS, json_schema
 from fcdm_opt.drafting.choice import TOLERANCE, named
-from fcdm_opt.drafting.draft import draft, short, state_text, widths
+from fcdm_opt.drafting.draft import _why_not, draft, short, state_text, widths
 from fcdm_opt.drafting.situation import Situation
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -95,6 +95,17 @@ def test_what_is_said_of_the_state_agrees_with_the_closed_form(tmp_path: Path) -
         assert near is not None
         # the foot of the perpendicular from (1, 1) to 5 rho_1 + 2 rho_2 = 7 + gap
         assert near.pair == pytest.approx([1 + 5 * gap / 29, 1 + 2 * gap / 29])
+
+
+def test_contacts_that_exclude_each_other_were_not_named() -> None:
+    """A step 10 and 2 from the seeds along x, 2 % smaller before walls 2 % larger: .4 to one, .08 to the other."""
+    step = Body.from_parts([[*product((-4, x), y, (0, 5))] for x, y in ((10, (-4, 0)), (2, (0, 4)))], seed=(0, 0, 0))
+    walls = Body.from_parts([[*product((x, 14), y, (0, 5))] for x, y in ((10, (-4, 0)), (2, (0, 4)))], seed=(0, 0, 0))
+    motion, given = fo.Translation("x"), {"goal": "seat", "contacts": "all", "tolerance": 0.02, "nominal": "drawn"}
+    solution = solve(fo.Problem(step, walls, motion=motion, requirement="C", **given))
+    assert not solution.usable
+    told = "No motion closes at once: right face of body, face 2 (facing -x) of body; face 8 (facing +x) of body, left"
+    assert told in _why_not(solution)
 
 
 @pytest.mark.parametrize("factor", [10.0, 25.4, 1000.0])

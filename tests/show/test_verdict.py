@@ -35,6 +35,7 @@ from fcdm_opt.show.verdict import (
     labels_in_words,
     motion_said,
     refusal_text,
+    sure_text,
     verdict_text,
 )
 
@@ -572,3 +573,23 @@ def test_the_nearest_pose_of_a_block_that_turns_is_not_that_on_its_face() -> Non
     assert f"{1 - 0.9 * (math.cos(0.1) + math.sin(0.1)):.4g} apart" in limited.reason
     free = fo.solve(fo.Problem(crate, floor, target=(0.6, 1), **asked))
     assert f"{1 - 0.6 * math.sqrt(2):.4g} apart" in free.reason
+
+
+@pytest.mark.parametrize(
+    ("motion", "slides"),
+    [
+        (fo.Rotation("z"), True),
+        (fo.Rotation("-z", centre=(3, 0, 0)), True),
+        (fo.Translation("x") >> fo.Rotation("z"), True),
+        (fo.Translation("x"), True),
+        (fo.Rotation("x"), False),
+        (fo.Translation("z") >> fo.Rotation("z"), False),
+        (fo.Rotation((0, 1, 1)), False),
+    ],
+)
+def test_a_turn_on_a_floor_was_not_said_to_slide(motion: fo.Motion, slides: bool) -> None:
+    """About the floor's normal a block only slides on it, as it does along it."""
+    block, floor = fo.Box((10, 8, 6), centre=(0, 0, 3)), fo.Box((40, 40, 4), centre=(0, 0, -2))
+    told = sure_text(fo.solve(fo.Problem(block, floor, motion=motion, goal="touch", target=(1, 1))))
+    assert told.startswith("nothing to do")
+    assert ("range and pose tell the play there" in told) == slides

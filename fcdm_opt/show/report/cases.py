@@ -325,16 +325,23 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
 def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
     """Return the bar of the size that changes the amount most, with what its step does where that can be solved.
 
-    Where there is no motion to use then, how that ends. Else to first order, "about", and no further than an amount of
-    0: another contact may take over before.
+    One with a tolerance goes as far as half of it, within it, and is told by its deviation then. Where there is no
+    motion to use then, how that ends. Else to first order, "about", and no further than an amount of 0: another contact
+    may take over before.
     """
     if not sizes:
         return None
     most, problem = max(sizes, key=lambda bar: abs(bar.value)), solution.problem
     named = {f"{own.name} of {name_of(problem, own.body == 'static')}": own for own in problem.sizes}
     size, made, stepped = named.get(most.name) if most.note == HALF else None, problem.made or {}, None
-    if size is not None:
-        stepped = quick_answer(problem, made={**made, size.name: made.get(size.name, 0.0) + size.half})
+    if size is not None and size.tolerance is not None:
+        off = made.get(size.name, 0.0)
+        ends = np.clip([off + size.half, off - size.half], *size.tolerance).tolist()
+        there = max(ends, key=lambda end: round(abs(end - off) / size.half, texts.DIGITS))
+        stepped = quick_answer(problem, made={**made, size.name: there})
+        texts_of = [size.deviation_text(x, problem.unit) for x in (there, off)]
+        told = f"at {texts_of[0]}" + f", not {texts_of[1]}" * bool(off)
+        most = most._replace(unit=told, value=most.value * (there - off) / size.half)
     if stepped and not (stepped.usable or stepped.stopped):
         return {**finite(most._asdict()), "value": None, "about": False, "outcome": barred_text(stepped)}
     known = bool(stepped and stepped.usable)
