@@ -17,7 +17,8 @@ from ordinary import CUBE, FAR, box, problems, random_scene
 
 import fcdm_opt as fo
 from fcdm_opt import pacing
-from fcdm_opt.design.whatif.conflicts import Conflicts, conflicts
+from fcdm_opt.design.whatif import fitting
+from fcdm_opt.design.whatif.conflicts import MANY, Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
 from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
@@ -670,3 +671,22 @@ def test_other_goals_were_refused_where_features_were_named():
     """Goals "touch" and "clear" track none."""
     asked = problems("keyway")["A bottom and wall at once"].alternatives[0]
     assert {trial.change for trial in ClashSearch(asked).trials()} >= {'goal "touch"', 'goal "clear"'}
+
+
+def test_what_is_alike_of_many_contacts_is_said_once_and_the_size_as_drawn_that_cures_it() -> None:
+    """A comb of five teeth in its slots, the last tooth off: eight flanks were told one by one, and no size."""
+    spine = fo.Box((50.0, 10.0, 4.0), centre=(0.0, 0.0, 8.0))
+    places = np.linspace(-20.0, 20.0, 5)
+    comb = fo.joined(spine, *(fo.Box((4.0, 10.0, 6.0), centre=(x, 0.0, 3.0)) for x in places), name="comb")
+    plate = fo.Box((60.0, 10.0, 10.0), centre=(0.0, 0.0, 0.0))
+    slots = [fo.Box((4.0, 20.0, 6.0), centre=(x, 0.0, 3.0)) for x in places]
+    plate = fo.cut(plate, *slots, name="plate")
+    size = fo.Size("last", "movable", faces=[{"through": (18.0, 0.0, 3.0)}, {"through": (22.0, 0.0, 3.0)}], along="x")
+    problem = fo.Problem(comb, plate, goal="seat", contacts="all", sizes=[size], made={"last": 0.05},
+                         motion=Translation("x") >> Translation("z"), unit="mm")  # fmt: skip
+    assert fitting.mending_sizes(problem) == {"last": 0.0}
+    found = fo.conflicts(problem, deviation=False)
+    lines = str(found).splitlines()
+    assert len(found.clashes) >= MANY
+    assert len(lines) < 2 + len(found.clashes)
+    assert f"to relax alone: none of {len(found.relaxations)} constraints cures it (without it: impossible)" in lines

@@ -24,6 +24,10 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 
 
+KEEPS = "no motion keeps "
+MANY = 3  # constraints of which the same is said in one line
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conflicts(Plain):
     """Why a problem has no motion."""
@@ -54,20 +58,25 @@ class Conflicts(Plain):
 
     def __str__(self) -> str:
         lines = [self.reason] if self.reason else []
+        clashing, useless = dict[str, list[str]](), dict[str, list[str]]()  # what is said of many -> of which
         for clash in self.clashes:
             what = "the motion alone cannot meet the goal"
             if clash.names:
                 *others, last = clash.names
-                every = f"{', '.join(others)} and {last} together" if others else last
-                what = f"no motion keeps {every}" + " without parts that overlap" * isinstance(self.problem, Assembly)
+                what = f"{KEEPS}{', '.join(others)} and {last} together" if others else f"{KEEPS}{last}"
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
             some = len(clash.sizes) < sum(map(bool, (self.problem.made or {}).values()))
             of = f" of {', '.join(clash.sizes)}" * (not some)
-            sizes = f", at the sizes made{of}" * bool(clash.sizes)
-            mended = f"; one does with {' or '.join(clash.sizes)} as drawn" * (some and bool(clash.sizes))
-            sure = "proved" if clash.proved else found
-            lines.append(": ".join(filter(None, (f"{what}{sizes} ({sure}){mended}", clash.reason))))
+            tail = " without parts that overlap" * (bool(clash.names) and isinstance(self.problem, Assembly))
+            tail += f", at the sizes made{of}" * bool(clash.sizes)
+            tail += f" ({'proved' if clash.proved else found})"
+            tail += f"; one does with {' or '.join(clash.sizes)} as drawn" * (some and bool(clash.sizes))
+            clashing.setdefault(": ".join(filter(None, (tail, clash.reason))), []).append(what)
+        for tail, each in clashing.items():
+            names = ", ".join(what.removeprefix(KEEPS).partition(", ")[0] for what in each)
+            one = all(what.startswith(KEEPS) for what in each) and len(each) >= MANY
+            lines += [f"{what}{tail}" for what in ([f"{KEEPS}any one of {names}"] if one else each)]
         if not self.complete:
             lines.append("there may be others that clash, as few or fewer")
         cures = sorted((one for one in self.relaxations if one.cures), key=lambda one: one.amount)
@@ -83,7 +92,11 @@ class Conflicts(Plain):
             none = ", nor without any deviation" * math.isnan(value)
             lines.append(f"with {share} deviation from nominal{named} a motion is found (sampled){none}")
         lines += [f"try {trial}" for trial in self.trials]
-        lines += [f"to relax alone: {one}" for one in self.relaxations if not one.cures]
+        for own in (own for own in self.relaxations if not own.cures):
+            useless.setdefault(own.note, []).append(str(own))
+        for note, each in useless.items():
+            none = f"none of {len(each)} constraints cures it" + f" ({note})" * bool(note)
+            lines += [f"to relax alone: {own}" for own in ([none] if len(each) >= MANY else each)]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
     def to_dict(self) -> dict[str, Any]:

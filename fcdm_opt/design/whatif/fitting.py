@@ -248,8 +248,9 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
     for name in open_ones:
         sized = partial(_with_share, problem, name)
         share = _fitting_share(sized)
-        if 0.0 < share < 1.0 and not has_motion(sized(share * (1.0 + BEYOND))):  # else the judge refused it alone
-            found[name] = _rounded_fit(problem, name, share * made[name])
+        if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
+            fit = _rounded_fit(problem, name, share * made[name])
+            found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
     ends = {own.name: own.tolerance or (-math.inf, math.inf) for own in problem.sizes}
 
     def beyond(name: str, value: float) -> float:
@@ -296,7 +297,7 @@ def _rounded_fit(problem: Problem, name: str, value: float) -> float:
             rounded = rounded_on(value + side * more, side, extent)
             with suppress(InputError):
                 if usable_answer(problem.with_sizes({name: rounded})) is not None:
-                    return rounded
+                    return rounded + 0.0
     return math.nan
 
 
