@@ -66,6 +66,20 @@ def largest_clearance(scene: Scene, name: str = "clearance") -> float:
     return _largest(lambda need: solve(own.changed(scene, own.value - need), effort="quick").usable, own.value)
 
 
+@lru_cache(maxsize=16)
+def clearance_within(problem: Problem, far: float) -> float:
+    """Return the largest clearance, length units, that motions leave of which no parameter's amount is above a length.
+
+    0 where none is left, where that asked for is, and where the time does not last.
+    """
+    limits = {own.name: np.clip(own.limits, -far / own.weight, far / own.weight) for own in problem.coordinates}
+    near = problem.changed(limits={name: tuple(ends.tolist()) for name, ends in limits.items()})
+    with pacing.within(TOLD):
+        if problem.goal != "clear" or not problem.clearance > 0.0 or pacing.in_time(has_motion, near, late=True):
+            return 0.0
+        return pacing.in_time(largest_clearance, near, late=0.0)
+
+
 def quick_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where the time does not last."""
     with pacing.within(TOLD):
@@ -186,9 +200,38 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         share = _fitting_share(sized)
         if 0.0 < share < 1.0 and not has_motion(sized(share * (1.0 + BEYOND))):  # else the judge refused it alone
             found[name] = _rounded_fit(problem, name, share * made[name])
-    ends = {own.name: own.tolerance for own in problem.sizes if own.tolerance is not None}
-    within = {name: x for name, x in found.items() if name not in ends or ends[name][0] <= x <= ends[name][1]}
-    return within or found
+    return {name: x for name, x in found.items() if not beyond_tolerance(problem, name, x)} or found
+
+
+def beyond_tolerance(problem: Problem, name: str, value: float) -> bool:
+    """Tell whether a deviation of a size is beyond its tolerance."""
+    low, high = next(own.tolerance or (-math.inf, math.inf) for own in problem.sizes if own.name == name)
+    return value < low or value > high
+
+
+def mending_together(problem: Problem) -> dict[str, float]:
+    """Return sizes which together, within their tolerances, let the parts fit, where each alone goes beyond its own.
+
+    Each by the same share of what its tolerance leaves it, the least that does, in three digits; none where none does.
+    """
+    known, made = mending_sizes(problem), problem.made or {}
+    if len(known) < 2 or not all(beyond_tolerance(problem, *own) for own in known.items()):
+        return {}
+    sides = {name: math.copysign(1.0, x - made.get(name, 0.0)) for name, x in known.items()}
+    ends = {own.name: own.tolerance[sides[own.name] > 0.0] for own in problem.sizes if own.name in sides}
+
+    def changed(share: float) -> dict[str, float]:
+        return {name: (1.0 - share) * made.get(name, 0.0) + share * end for name, end in ends.items()}
+
+    def short(share: float) -> bool:
+        return lack(problem.with_sizes(changed(share))) > 0.0
+
+    if not lack(problem) or short(1.0):
+        return {}
+    share = narrowed(short, 0.0, 1.0, lambda low, high: high - low <= ACCURACY * high)[1]
+    rounded = {name: rounded_on(x, sides[name], max(abs(x), abs(ends[name]))) for name, x in changed(share).items()}
+    within = {name: sides[name] * min(sides[name] * x, sides[name] * ends[name]) for name, x in rounded.items()}
+    return within if usable_answer(problem.with_sizes(within)) is not None else {}
 
 
 def _with_share(problem: Problem, name: str, share: float) -> Problem:
