@@ -31,7 +31,7 @@ from fcdm_opt.geometry.true_distance import MOST, FacesApart, PoseDerivatives
 from fcdm_opt.model.task import Task
 from fcdm_opt.model.true_faces import where_nearest
 from fcdm_opt.problem.contacts_restored import is_of_plane_faces, restoring_motion, touching_again
-from fcdm_opt.problem.fit import misfit, true_widths, walls_of
+from fcdm_opt.problem.fit import between_planes, misfit, true_widths
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import IMPOSSIBLE, SURE, Solution, Status
@@ -267,9 +267,7 @@ def _of_plane_faces(problem: Problem, solution: Solution) -> bool:
 def too_wide(problem: Problem) -> bool:
     """Tell whether widths do not go together between faces as they are in truth: that is so whatever the mesh is."""
     found = misfit(problem)
-    if found is None or true_widths(problem, found) is not None:
-        return found is not None
-    return all(own is not None and is_plane_there(body, own) for body, own in walls_of(problem, found))
+    return found is not None and (true_widths(problem, found) is not None or between_planes(problem, found))
 
 
 def open_amounts(asked: Sequence[Problem], q: Array | None) -> tuple[float, float]:

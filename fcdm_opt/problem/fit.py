@@ -306,7 +306,7 @@ class _ClosedWalls(NamedTuple):
             exact = true_widths(problem, own) is not None
             if problem.motion.turning.any() and not (exact or self._are_planes(own)):
                 continue  # a turn changes the width between edges, and that of round faces aslant to each other
-            if own.inner - own.outer > bow or exact:
+            if own.inner - own.outer > bow or exact or between_planes(problem, own):
                 least, found = float(gaps[k] + gaps[j]), own
         return found
 
@@ -526,12 +526,15 @@ def true_widths(problem: Problem, found: Misfit) -> tuple[float, float] | None:
     return widths[:2] if widths is not None and widths[0] > widths[1] else None
 
 
-def walls_of(problem: Problem, found: Misfit) -> Iterator[tuple[Body, Element | None]]:
-    """Yield the walls of a misfit, each with its body as drawn: faces, or the edges of two parts that are foremost."""
+def between_planes(problem: Problem, found: Misfit) -> bool:
+    """Tell whether walls are plane faces in truth, or sharp edges between such, as far as is known."""
     for body, side, faces, parts in zip(drawn_bodies(problem), (1.0, -1.0), found.faces, found.parts, strict=True):
         ends = ((parts[0], side), (parts[-1], -side)) if len(faces) == 2 else ()
         edges = [_edge(body.parts[k], sign * np.array(found.normal), body) for k, sign in ends]
-        yield from ((body, own or edge) for own, edge in zip(faces, edges or [None] * len(faces), strict=True))
+        walls = [own or edge for own, edge in zip(faces, edges or [None] * len(faces), strict=True)]
+        if not all(own is not None and is_plane_there(body, own) for own in walls):
+            return False
+    return True
 
 
 class _RoundWidths(NamedTuple):

@@ -283,7 +283,9 @@ def derivatives_text(derivatives: Any, each: Mapping[str, Any]) -> str:
     lines = [f"  by {name}: {np.round(x, 6) + 0.0}" for name, x in known.items()]
     lines += [f"  by {name}: none" for name, x in derivatives.sizes.items() if np.isnan(x)]
     first = "derivatives of the amount" if lines else "the amount depends on nothing that is listed, to first order"
-    return "\n".join([first if derivatives.exists else f"no derivative: {'; '.join(derivatives.reasons)}", *lines])
+    if not derivatives.exists:
+        first = f"{'derivatives of the amount, not by all data' if known else 'no derivative'}: "
+    return "\n".join([first + "; ".join(derivatives.reasons), *lines])
 
 
 def quaternion_of(transform: Array) -> tuple[float, float, float, float]:

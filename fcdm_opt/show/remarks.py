@@ -12,9 +12,10 @@ import re
 import numpy as np
 
 from fcdm_opt.design.sizes import beyond_tolerances
+from fcdm_opt.design.whatif.fitting import ACCURACY, clearance_within
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
-from fcdm_opt.geometry.units import measured, number_text
+from fcdm_opt.geometry.units import floored, measured, number_text
 from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.fit import FAR
 from fcdm_opt.problem.nominal import FIT
@@ -22,7 +23,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
+from fcdm_opt.show.texts import CLOSED, NOT_MET, asked_text, bound_text, listed, number, numbers, proved_least
 from fcdm_opt.show.verdict import EXACT, gone_through
 from fcdm_opt.tolerances import DEFAULT
 
@@ -175,7 +176,8 @@ def _large(solution: Solution) -> list[str]:
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
     open_way = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
-    if moved <= max(LARGE * side, GROWTH * float(change), open_way) and not through:
+    far = max(LARGE * side, GROWTH * float(change), open_way)
+    if moved <= far and not through:
         return []
     limited = zip(problem.motion.names, problem.limits, strict=True)
     free = [name for name, limits in limited if not np.isfinite(limits).all()]
@@ -184,6 +186,9 @@ def _large(solution: Solution) -> list[str]:
         what = f"straight there it goes through {listed(through)}, and no other way is looked for"
     else:
         what = "it may end on another side of the other part; the way there is not looked at"
+    if free and not through and (most := clearance_within(problem, far)) > 0.0:
+        less = measured(floored(most * (1.0 + ACCURACY), 3), problem.unit)
+        cure += f"; {NOT_MET} there, where at most {less} can be kept"
     return [f"a large motion: {what}{cure}"]
 
 

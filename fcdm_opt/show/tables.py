@@ -334,7 +334,8 @@ def print_budgets(budgets: Budgets) -> None:
     notes = []
     for one in budgets.values():
         sizes = one.sizes_text(texts.DIGITS) if one.tolerance else ""
-        if text := ", within ".join(filter(None, (one.corner, sizes))):
+        within = f", within {one.share_text(budgets.problem.sizes)}"
+        if text := within.join(filter(None, (one.corner, sizes))):
             notes.append(f"{one.requirement}: {text}")
     notes += [budgets.open_text] * bool(budgets.open_text)
     notes += [

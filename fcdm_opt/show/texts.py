@@ -363,7 +363,13 @@ def kept_text(kept: Kept, unit: str) -> str:
 
 def _changes(problem: Problem) -> list[str]:
     """Return in words which limits, together, or which size let the parts fit, and up to what; the first are limits."""
-    from fcdm_opt.design.whatif.fitting import mending_sizes, rounded_on, widened_limits
+    from fcdm_opt.design.whatif.fitting import (
+        beyond_tolerance,
+        mending_sizes,
+        mending_together,
+        rounded_on,
+        widened_limits,
+    )
 
     wider = list[str]()
     for own, value in [] if misfit(problem) else widened_limits(problem):
@@ -372,11 +378,17 @@ def _changes(problem: Problem) -> list[str]:
         rounded = rounded_on(each * value, math.copysign(1.0, beyond), each * max(abs(value), abs(beyond)))
         wider.append(f"the {f'limits of {own.parameter}' if held else own.name} to {measured(number(rounded), unit)}")
     sizes = {own.name: own for own in problem.sizes}
-    changed = [
-        name + f" (to {sizes[name].deviation_text(value, problem.unit)})" * math.isfinite(value)
-        for name, value in mending_sizes(problem).items()
-    ]
-    return [f"widen {listed(wider)}"] * bool(wider) + [f"change {listed(changed, 'or')}"] * bool(changed)
+
+    def told(name: str, value: float) -> str:
+        beyond = ", beyond its tolerance" * beyond_tolerance(problem, name, value)
+        return (
+            f"{name} (to {sizes[name].deviation_text(value, problem.unit)}{beyond})" if math.isfinite(value) else name
+        )
+
+    changed = listed([told(*own) for own in mending_sizes(problem).items()], "or")
+    if together := [told(*own) for own in mending_together(problem).items()]:
+        changed += f", or, within their tolerances, {listed(together)} together"
+    return [f"widen {listed(wider)}"] * bool(wider) + [f"change {changed}"] * bool(changed)
 
 
 def _unfit(problem: Problem) -> str:

@@ -185,7 +185,7 @@ def range_texts(coherent: CoherentRange) -> list[str]:
         elif event.successors:
             what = f"{steps}; beyond, {contact_text(problem, event.successors)} instead"
         else:
-            what = f"{steps}{'; there,' if event.x else ':'} {event.what}"
+            what = f"{steps}{'; there,' if event.x else ':'} {labels_in_words(event.what, problem)}"
         told.append(f"{side}: {what}")
     return [*told, *(f"round faces are followed as facets; {line}" for line in coherent.known_to)]
 
@@ -308,6 +308,11 @@ def _effect(solution: Solution) -> str:
         return f"{then}{contact} at scales {scales}, those asked or beyond; {but}the parts made {made}"
     if problem.resolution is not None and state == "apart":
         return f"{then}{contact} but for {gap}, as near as whole steps come"
+    if problem.goal == "fit" and (widest := max(solution.contact_gaps.values(), default=0.0)) > problem.contact_slack:
+        least = (
+            f"the largest gap of {len(problem.contacts)} contacts is {length_text(problem, widest)}, as small as may be"
+        )
+        return f"{then}{least}" + f"; {contact}" * (state == "touching")
     settled = state == "touching" or problem.goal == "fit"
     return f"{then}{contact}" + ("" if settled else f"; the parts made {made}")
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from ordinary import box, problems
 
+import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.stack.stack_up import stack_up
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Point, _Tolerances, budget
@@ -26,6 +27,7 @@ from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.problem import Problem
+from fcdm_opt.show.tables import print_budgets
 from fcdm_opt.solver import solve
 
 NEAR = 3e-9  # of closed forms: the bracket is 1e-9 wide, and amounts are known to 1e-10
@@ -484,3 +486,19 @@ def test_sizes_of_an_assembly_that_jam_against_each_other_were_good_all_low_and_
     limited = budget(scene, 0.03, accuracy=1e-2)["corners"]  # the plate goes down with its post, and nothing else moves
     assert limited.tolerance == pytest.approx(0.03, rel=1e-2)
     assert budget(scene, 0.2, requirements=["low"], accuracy=1e-2)["low"].tolerance > 0.05
+
+
+def test_the_tolerance_of_a_budget_was_not_told_as_a_share_of_those_given(capsys: pytest.CaptureFixture[str]) -> None:
+    """A block that grows by .1 t towards two posts, one of which grows by .05 t: back by .15 t, at most .3."""
+    block = fo.Box((10, 10, 10), name="block")
+    posts = fo.joined(*(fo.Box((4, 4, 4), centre=(7, y, 0)) for y in (-3, 3)), name="posts")
+    post = fo.Size("post", "static", faces={"through": (5, 3, 0)}, tolerance=0.05)
+    sizes = [fo.Size("block", "movable", faces="+x", tolerance=0.1), post]
+    problem = fo.Problem(block, posts, sizes=sizes, made={"block": 0.1}, goal="clear", motion=fo.Translation("x"))
+    found = fo.budget(problem, 0.3)
+    assert found["worst"].share_text(sizes) == "2 times their tolerances: "
+    print_budgets(found)
+    words = " ".join(capsys.readouterr().out.split())
+    assert "within 2 times their tolerances: block -0.2 to +0.2, post -0.1 to +0.1" in words
+    told = str(fo.solve(problem).sensitivity)  # the post alone that grows holds the block
+    assert told.startswith("derivatives of the amount, not by all data: more constraints hold the motion than it takes")

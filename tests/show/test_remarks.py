@@ -222,3 +222,15 @@ def test_a_bar_in_a_bore_was_told_by_facets_and_the_bore_was_to_change() -> None
     assert verdict_text(solution).startswith("does not fit: bar 10.24 mm in sleeve 10.10 mm, across the bore")
     assert "facets" not in verdict_text(solution)
     assert advised(SolvedCase(solution)) == "Change width (to +0.124 mm)."  # the bore within .01 does not
+
+
+def test_a_part_lifted_far_for_its_clearance_was_not_told_with_what_is_left_near() -> None:
+    """A hexagon of 15 across its edges in a chute of 15.2 has .1 on either side; above its walls it has any."""
+    across = [(7.5 * np.cos(turn), 7.5 * np.sin(turn)) for turn in np.arange(6) * np.pi / 3]
+    bar = fo.Body.convex([(x, y, z + across[1][1]) for x in (-15, 15) for y, z in across], name="bar")
+    chute = fo.cut(fo.Box((50, 24, 19), centre=(0, 0, 4.5)), fo.Box((60, 15.2, 20), centre=(0, 0, 10)), name="chute")
+    asked = {"target": (1, 1), "goal": "clear", "clearance": 0.2, "unit": "mm"}
+    found = fo.solve(fo.Problem(bar, chute, motion=fo.Translation("y") >> fo.Translation("z"), **asked))
+    assert found.amount > 7.0
+    (told,) = remarks(found)
+    assert told.endswith("of TY, TZ; clearance not met there, where at most 0.1 mm can be kept")

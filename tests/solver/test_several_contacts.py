@@ -815,6 +815,7 @@ def test_a_beam_on_posts_of_unlike_height_was_left_open() -> None:
     assert seat.status is Status.INFEASIBLE
     assert (fit.parameters["TZ"], fit.parameters["RY"]) == (pytest.approx(0.1, abs=1e-9), 0.0)
     assert fit.lower_bound == fit.amount
+    assert "the largest gap of 2 contacts is 0.1, as small as may be; its bottom face" in str(fit)
 
 
 def test_a_block_too_wide_for_its_channel_was_not_proved_not_to_lie_in_it() -> None:

@@ -153,6 +153,14 @@ class Budget(Plain):
             return ", ".join(f"{part} {100.0 * share + 0.0:+.{digits}g} %" for part, (share, _) in rows)
         return ", ".join(f"{name} {low + 0.0:+.{digits}g} to {high + 0.0:+.{digits}g}" for name, (low, high) in rows)
 
+    def share_text(self, sizes: Sequence[Size]) -> str:
+        """Return how many times the tolerances of sizes those are of which `tolerance` is the largest; "" of scales."""
+        given = {own.name: max(map(abs, own.tolerance)) for own in sizes if own.tolerance and any(own.tolerance)}
+        rows = () if self.of_scales else zip(self.sizes, np.abs(self.table).max(axis=1).tolist(), strict=True)
+        times = [most / given[name] for name, most in rows if name in given]
+        alike = bool(times) and max(times) - min(times) <= DEFAULT.side * max(times)
+        return f"{times[0]:.4g} times their tolerances: " if alike else ""
+
     @property
     def amount(self) -> float:
         """Least amount at `tolerance`, length units; nan where there is no motion."""

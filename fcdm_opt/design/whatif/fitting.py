@@ -110,6 +110,20 @@ def advising(solution: Bounded) -> Iterator[None]:
         vars(solution)["advice_time"] = rest - (pacing.clock() - start)
 
 
+@lru_cache(maxsize=16)
+def clearance_within(problem: Problem, far: float) -> float:
+    """Return the largest clearance, length units, that motions leave of which no parameter's amount is above a length.
+
+    0 where none is left, where that asked for is, and where the time does not last.
+    """
+    limits = {own.name: np.clip(own.limits, -far / own.weight, far / own.weight) for own in problem.coordinates}
+    near = problem.changed(limits={name: tuple(ends.tolist()) for name, ends in limits.items()})
+    with pacing.within(TOLD):
+        if problem.goal != "clear" or not problem.clearance > 0.0 or pacing.in_time(has_motion, near, late=True):
+            return 0.0
+        return pacing.in_time(largest_clearance, near, late=Kept()).clearance
+
+
 def quick_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where the time does not last."""
     with pacing.within(TOLD):
@@ -251,15 +265,40 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
             fit = _rounded_fit(problem, name, share * made[name])
             found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
-    ends = {own.name: own.tolerance or (-math.inf, math.inf) for own in problem.sizes}
+    off = {name: (beyond_tolerance(problem, name, x), made[name]) for name, x in found.items()}
+    less = {name for name, (x, now) in off.items() if not x > 0.0 or x < beyond_tolerance(problem, name, now)}
+    return {name: x for name, x in found.items() if name in less} or found
 
-    def beyond(name: str, value: float) -> float:
-        return max(ends[name][0] - value, value - ends[name][1], 0.0)
 
-    within = {
-        name: x for name, x in found.items() if beyond(name, x) <= 0.0 or beyond(name, x) < beyond(name, made[name])
-    }
-    return within or found
+def beyond_tolerance(problem: Problem, name: str, value: float) -> float:
+    """Return by how much a deviation of a size is beyond its tolerance, 0 within; nan for none."""
+    low, high = next(own.tolerance or (-math.inf, math.inf) for own in problem.sizes if own.name == name)
+    return max(low - value, value - high, 0.0 * value)
+
+
+def mending_together(problem: Problem) -> dict[str, float]:
+    """Return sizes which together, within their tolerances, let the parts fit, where each alone goes beyond its own.
+
+    Each by the same share of what its tolerance leaves it, the least that does, in three digits; none where none does.
+    """
+    known, made = mending_sizes(problem), problem.made or {}
+    if len(known) < 2 or not all(beyond_tolerance(problem, *own) > 0.0 for own in known.items()):
+        return {}
+    sides = {name: math.copysign(1.0, x - made.get(name, 0.0)) for name, x in known.items()}
+    ends = {own.name: own.tolerance[sides[own.name] > 0.0] for own in problem.sizes if own.name in sides}
+
+    def changed(share: float) -> dict[str, float]:
+        return {name: (1.0 - share) * made.get(name, 0.0) + share * end for name, end in ends.items()}
+
+    def short(share: float) -> bool:
+        return lack(problem.with_sizes(changed(share))) > 0.0
+
+    if not lack(problem) or short(1.0):
+        return {}
+    share = narrowed(short, 0.0, 1.0, lambda low, high: high - low <= ACCURACY * high)[1]
+    rounded = {name: rounded_on(x, sides[name], max(abs(x), abs(ends[name]))) for name, x in changed(share).items()}
+    within = {name: sides[name] * min(sides[name] * x, sides[name] * ends[name]) for name, x in rounded.items()}
+    return within if usable_answer(problem.with_sizes(within)) is not None else {}
 
 
 def _with_share(problem: Problem, name: str, share: float) -> Problem:
