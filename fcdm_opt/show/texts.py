@@ -380,7 +380,7 @@ def _changes(problem: Problem) -> list[str]:
     sizes = {own.name: own for own in problem.sizes}
 
     def told(name: str, value: float) -> str:
-        beyond = ", beyond its tolerance" * beyond_tolerance(problem, name, value)
+        beyond = ", beyond its tolerance" * (beyond_tolerance(problem, name, value) > 0.0)
         return (
             f"{name} (to {sizes[name].deviation_text(value, problem.unit)}{beyond})" if math.isfinite(value) else name
         )

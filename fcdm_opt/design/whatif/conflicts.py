@@ -23,7 +23,6 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 
-
 KEEPS = "no motion keeps "
 MANY = 3  # constraints of which the same is said in one line
 

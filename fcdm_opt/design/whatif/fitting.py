@@ -265,9 +265,12 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
             fit = _rounded_fit(problem, name, share * made[name])
             found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
-    off = {name: (beyond_tolerance(problem, name, x), made[name]) for name, x in found.items()}
-    less = {name for name, (x, now) in off.items() if not x > 0.0 or x < beyond_tolerance(problem, name, now)}
-    return {name: x for name, x in found.items() if name in less} or found
+
+    def helps(name: str, value: float) -> bool:
+        beyond = beyond_tolerance(problem, name, value)
+        return beyond <= 0.0 or beyond < beyond_tolerance(problem, name, made[name])
+
+    return {name: x for name, x in found.items() if helps(name, x)} or found
 
 
 def beyond_tolerance(problem: Problem, name: str, value: float) -> float:
