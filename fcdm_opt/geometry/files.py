@@ -396,20 +396,18 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         faces = {id(mesh): _Faces.of(mesh) for mesh, *_ in scene}
         sure = planes.sure([*faces.values()]) if len(planes.normals) else None
         sharp = [_sharpened(faces[id(mesh)], deviation, planes, sure) for mesh, *_ in scene]
-        off = np.max([own for _, own, *_ in sharp], axis=0, initial=0.0) if sharp else np.zeros(2)
-        if deviation is None or tolerance is None or off.max() <= deviation:
+        off = np.reshape([own for _, own, *_ in sharp], (-1, 2))
+        if deviation is None or tolerance is None or off.max(initial=0.0) <= deviation:
             break
         tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
     placed = list(zip(sharp, scene, strict=True))
     meshes = [(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T, _) in placed]
     drawn = _together(meshes, [name for *_, name in scene])
     largest = float(np.abs(drawn.vertices).max(initial=0.0))
-    each = np.repeat(np.reshape([own for _, own, *_ in sharp], (-1, 2)), [count for _, count in drawn.solids], axis=0)
+    off = np.repeat(np.where(off > DEFAULT.weld * largest, off, 0.0), [count for _, count in drawn.solids], axis=0)
     known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T, _) in placed for each in own)
     other = max((bound for *_, bound in sharp), default=0.0)
-    return drawn._replace(
-        off=np.where(each > DEFAULT.weld * largest, each, 0.0), surfaces=Surfaces(known, other, SINGLE * largest)
-    )
+    return drawn._replace(off=off, surfaces=Surfaces(known, other, SINGLE * largest))
 
 
 class _Faces(NamedTuple):

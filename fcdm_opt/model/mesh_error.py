@@ -306,12 +306,14 @@ def leaves_gap_open(solution: Solution) -> bool:
     # not where faces that facets stand for are elsewhere
     if not solution.usable or solution.pair_state == "touching":
         return False
-    problem, found = solution.problem, [bounding_bodies(body) for body in solution.problem.bodies[:2]]
-    if any(own is None for own in found) or problem.partial:
-        return True
-    curves = (decision_curve(*own, box=problem.box, transform=solution.transform) for own in zip(*found, strict=True))
-    gaps = [float(own.gap(problem.target)) for own in curves]
-    return not max(abs(gap - solution.pair_gap) for gap in gaps) <= problem.contact_slack
+    problem, pose = solution.problem, solution.transform
+    with suppress(pacing.TimeOverError):
+        found = [own for own in map(bounding_bodies, problem.bodies[:2]) if own is not None]
+        if len(found) == 2 and not problem.partial:
+            curves = (decision_curve(*own, box=problem.box, transform=pose) for own in zip(*found, strict=True))
+            gaps = [float(own.gap(problem.target)) for own in curves]
+            return not max(abs(gap - solution.pair_gap) for gap in gaps) <= problem.contact_slack
+    return True
 
 
 def _stays_clear(solution: Solution, outer: _Scene) -> bool:

@@ -140,22 +140,22 @@ def none_shorter(problems: Problems, least: float) -> bool:
         held += [rows, -rows]
     for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
         ways = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None]
-        met, looks = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
+        met = dict[tuple[int, int], tuple[Array, Array]]()
         for pair, normals, gaps in gaps_of_parts(problem):
             rows = np.column_stack([-normals @ ways.T, -gaps / least])
             alternatives.append([*(rows[np.unique(rows.round(12), axis=0, return_index=True)[1]] - room)[:, None]])
             if pair is not None:
-                met[pair], looks[pair] = -rows - room, normals
+                met[pair] = -rows - room, normals
         every = len(met) == len(problem.movable.parts) * len(problem.static.parts) and not problem.partial
-        alternatives += [[*met.values()]] if "touch" in (problem.goal, problem.pair) and every else []
+        alternatives += [[own for own, _ in met.values()]] if "touch" in (problem.goal, problem.pair) and every else []
         for joint in problem.chosen_joints if problem.goal != FIT and every else ():  # a pair that carries it touches
             flush = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
             if flush is not None and flush.dimension == 2 and len(joint.carriers) == 1:
-                n = looks[joint.carriers[0]]
-                wide = SHARED * flush.least * np.linalg.norm(np.cross(n, flush.normal), axis=1)
-                held.append(met[joint.carriers[0]] + np.outer(wide, np.append(rest, 1.0 / least)))
+                rows, normals = met[joint.carriers[0]]
+                wide = SHARED * flush.least * np.linalg.norm(np.cross(normals, flush.normal), axis=1)
+                held.append(rows + np.outer(wide, np.append(rest, 1.0 / least)))
             else:
-                alternatives.append([met[own] for own in joint.carriers])
+                alternatives.append([met[own][0] for own in joint.carriers])
     rows, looked_at = np.vstack(held) - room, 0
     nodes = [rows[np.isfinite(rows[:, -1])]]
     while nodes and looked_at < MOST_BRANCHES:
