@@ -113,7 +113,9 @@ def rounded_down(size: float) -> float:
     return float(f"{max(k for k in (1, 2, 5) if k * power <= size) * power:.3g}")
 
 
-def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = "") -> list[str]:
+def fitted(
+    figure: Figure, text: str, size: float, width: float, *, hang: str = "", weight: str = "normal"
+) -> list[str]:
     """Return a text in lines no wider than so many inches, the further ones indented by `hang` more.
 
     Lines break at spaces that are not no-break spaces, words that are too long behind commas, or anywhere.
@@ -121,7 +123,7 @@ def fitted(figure: Figure, text: str, size: float, width: float, *, hang: str = 
     from matplotlib.font_manager import FontProperties
 
     renderer: Any = figure.canvas.get_renderer()  # type: ignore[attr-defined]
-    font = FontProperties(size=size)
+    font = FontProperties(size=size, weight=weight)
 
     def fits(line: str) -> bool:
         extent = renderer.get_text_width_height_descent(line.rstrip() or " ", font, ismath=False)[0]

@@ -407,9 +407,10 @@ def draw_scene(
         _draw_contacts(axes, page, raster, contacts, cut, arrows)
     if shown.said:
         width = axes.get_position().width * axes.figure.get_figwidth()
-        lines = "\n".join(fitted(axes.figure, shown.said, NOTE + 1.0, 0.96 * width))
+        weight = "normal" if before else "bold"
+        lines = "\n".join(fitted(axes.figure, shown.said, NOTE + 1.0, 0.96 * width, weight=weight))
         look: dict[str, Any] = {"color": BLUE, "fontsize": NOTE + 1.0, "va": "top", "ha": "center"}
-        look |= {} if before else {"color": REFUSED, "weight": "bold", "bbox": {**BADGE, "edgecolor": REFUSED}}
+        look |= {} if before else {"color": REFUSED, "weight": weight, "bbox": {**BADGE, "edgecolor": REFUSED}}
         axes.text(0.5, 1.0, literal(lines), transform=axes.transAxes, **look)
     return axes
 
