@@ -315,8 +315,8 @@ def _why_not(solution: Solution) -> str:
         return f"{widths[:1].upper()}{widths[1:]}."
     problem = solution.problem
     names = [own.in_words(problem.movable, problem.static) for own in problem.contacts]
-    told = ["; ".join(names[k] for k in group) for group in excluding_contacts(problem)]
-    return " ".join([solution.advice, *(f"No motion closes at once: {own}." for own in told)])
+    groups = ["; ".join(names[k] for k in group) for group in excluding_contacts(problem)]
+    return " ".join([solution.advice, *(f"No motion closes at once: {own}." for own in groups)])
 
 
 def _remedy(situation: Situation, unit: Any) -> str:

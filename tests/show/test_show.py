@@ -164,6 +164,11 @@ def test_lines_break_at_spaces_then_commas_then_anywhere() -> None:
     figure = Sheet.of(3.0, 1.0).figure
     assert fitted(figure, "one two", 8.0, 2.0) == ["one two"]
     assert fitted(figure, "one two", 8.0, 0.3) == ["one", "two"]
+    long = "clearance not met: parts as made, moved to where all else is met"  # bold, it was cut off on both sides
+    for weight in ("normal", "bold"):
+        for line in fitted(figure, long, 8.0, 2.0, weight=weight):
+            shown = figure.text(0.0, 0.0, line, fontsize=8.0, weight=weight)
+            assert shown.get_window_extent().width <= 2.0 * figure.dpi + 1.0
     assert fitted(figure, "  aaaa,bbbb", 8.0, 0.45, hang="  ") == ["  aaaa,", "    bbbb"]
     assert fitted(figure, "a\n\nb", 8.0, 2.0) == ["a", "", "b"]
     assert "".join(fitted(figure, "abcdefghijklmnop", 8.0, 0.3)) == "abcdefghijklmnop"

@@ -339,9 +339,9 @@ def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
         ends = np.clip([off + size.half, off - size.half], *size.tolerance).tolist()
         there = max(ends, key=lambda end: round(abs(end - off) / size.half, texts.DIGITS))
         stepped = quick_answer(problem, made={**made, size.name: there})
-        texts_of = [size.deviation_text(x, problem.unit) for x in (there, off)]
-        told = f"at {texts_of[0]}" + f", not {texts_of[1]}" * bool(off)
-        most = most._replace(unit=told, value=most.value * (there - off) / size.half)
+        label, as_made = (size.deviation_text(x, problem.unit) for x in (there, off))
+        label = f"at {label}" + f", not {as_made}" * bool(off)
+        most = most._replace(unit=label, value=most.value * (there - off) / size.half)
     if stepped and not (stepped.usable or stepped.stopped):
         return {**finite(most._asdict()), "value": None, "about": False, "outcome": barred_text(stepped)}
     known = bool(stepped and stepped.usable)
