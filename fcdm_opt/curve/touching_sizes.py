@@ -12,7 +12,7 @@ otherwise. Those of which others are larger all over the box of sizes are left o
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -64,6 +64,14 @@ class PairRows(NamedTuple):
         return PairRows(self.parts, self.values[rows], self.normals[rows], *own)
 
 
+class PlacedRow(NamedTuple):
+    """The row of two parts along a direction from body 1 to body 2, and where the second one begins along it."""
+
+    normal: Array
+    values: Array  # (1 + k,)
+    level: float
+
+
 @dataclass(frozen=True, eq=False)
 class TouchingSizes:
     """At which sizes two bodies touch at a pose, within a box of sizes."""
@@ -77,7 +85,7 @@ class TouchingSizes:
     # (s, 2): of shifts of the movable body, which count as sizes behind the others
     ranges: Array = field(default_factory=lambda: np.empty((0, 2)))
     permanent: tuple[PairRows, ...] = ()  # of part pairs that touch at all sizes of the box and were left out, see `of`
-    behind: frozenset[tuple[int, int]] = frozenset()  # others that were left out with them, see `_behind`
+    behind: frozenset[tuple[int, int]] = frozenset()  # others that were left out with them, see `is_behind`
     # of bodies with round faces the patches, by number in `true_faces`, that meet at all sizes: they do not count
     permanent_faces: frozenset[tuple[int, int]] = frozenset()
     between: float = (
@@ -155,6 +163,13 @@ class TouchingSizes:
         box = np.vstack([np.column_stack([low, high]), ranges])
         size = max(movable.size, static.size)
         slack, known, behind = DEFAULT.tie * size, dict[tuple[int, int], PairRows](), set[tuple[int, int]]()
+
+        def placed_row(parts: tuple[int, int], n: Array) -> PlacedRow:
+            one, two = (side[k] for side, k in zip(sides, parts, strict=True))
+            first, second = np.array([(one.points @ n).argmax()]), np.array([(two.points @ n).argmin()])
+            row = _heights(n[None], one, first, two, second)[0]
+            return PlacedRow(n, row, float(two.points[second[0]] @ n))
+
         while True:
             counted = _near_enough(sides, box, slack, without | behind)
             for i, j in counted:
@@ -165,7 +180,9 @@ class TouchingSizes:
             held = [own for own, left in zip(pairs, always, strict=True) if left]
             kept = [own for own, left in zip(pairs, always, strict=True) if not left]
             kept, held = (_nearest(kept, box), held) if kept else (held, [])
-            more = {own.parts for own in kept if held and _behind(own, held, (movable, static), sides, T, box)}
+            closed = [placed_row(own.parts, n) for own in held for n in own.normals]
+            bodies = movable, static
+            more = {own.parts for own in kept if held and is_behind(own, closed, placed_row, bodies, T[:3, :3], box)}
             if not more:
                 break
             behind |= more
@@ -624,47 +641,24 @@ def _nearest(pairs: Sequence[PairRows], box: Array) -> list[PairRows]:
     return [pair for pair, (lows, _) in zip(pairs, ends, strict=True) if lows.max() <= most]
 
 
-def _behind(
-    pair: PairRows,
-    held: Sequence[PairRows],
-    bodies: tuple[Body, Body],
-    sides: Sequence[Sequence[_PosedPart]],
-    T: Array,
+def is_behind(
+    pair: PairRows, closed: Sequence[PlacedRow], along: Callable[..., PlacedRow], bodies: Sequence[Body], R: Array,
     box: Array,
-) -> bool:
-    """Tell whether a part pair is none that can meet first, of solids that touch at all sizes of a box.
+) -> bool:  # fmt: skip
+    """Tell whether a part pair is none that can meet first, of solids with contacts that are closed in a box of sizes.
 
     One on both sides of the plane of such a contact, in which solids only slide on each other. And one whose rows are
     all of cuts between parts: where these are nearest, other parts are nearer, of a contact that does not count.
+    `along` returns the row of two parts along a direction; body 1 is turned by R.
     """
     slack = DEFAULT.tie * max(body.size for body in bodies)
-
-    def along(parts: tuple[int, int], n: Array) -> tuple[Array, float]:
-        """Return the row of two parts along a direction, and where the second one begins."""
-        one, two = (side[k] for side, k in zip(sides, parts, strict=True))
-        first, second = np.array([(one.points @ n).argmax()]), np.array([(two.points @ n).argmin()])
-        return _heights(n[None], one, first, two, second), float((two.points[second] @ n)[0])
-
-    for own in held:
-        for n in own.normals:
-            row, level = along(pair.parts, n)
-            if np.abs(_ends(row, box)).max() <= slack and abs(level - along(own.parts, n)[1]) <= slack:
-                return True
-    binding, parts = _binding(pair, box), [body.parts[k] for body, k in zip(bodies, pair.parts, strict=True)]
-    for n, both in zip(binding.normals, binding.elements, strict=True):
-        named = ((kind, k) if k >= 0 else ("V", -k - 1) for kind, k in both)
-        rows = [own.vertices_of(*name) for own, name in zip(parts, named, strict=True)]
-        if of_solids(bodies, pair.parts, rows, n, T):
-            return False
-    return True
-
-
-def of_solids(
-    bodies: tuple[Body, Body], parts: tuple[int, int], rows: Sequence[Sequence[int]], n: Array, T: Array
-) -> bool:
-    """Tell whether elements of two parts, by their vertices, bound both solids along a direction from 1 to 2."""
-    sides = zip(bodies, parts, rows, (n @ T[:3, :3], -n), strict=True)
-    return all(body.is_bounded_by(k, own, normal) for body, k, own, normal in sides)
+    for own in closed:
+        row = along(pair.parts, own.normal)
+        if np.abs(_ends(row.values[None], box)).max() <= slack and abs(row.level - own.level) <= slack:
+            return True
+    (one, two), (i, j) = bodies, pair.parts
+    normals = _binding(pair, box).normals
+    return not any(one.is_bounded_by(i, n @ R) and two.is_bounded_by(j, -n) for n in normals)
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:

@@ -596,17 +596,18 @@ class Body(_Sealed, NotebookRepr):
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
 
-    def is_bounded_by(self, part: int, rows: Sequence[int], normal: Array) -> bool:
-        """Tell whether a face, edge or vertex of a part, given by its vertices, bounds the solid along its normal.
+    def is_bounded_by(self, part: int, normal: Array) -> bool:
+        """Tell whether the solid is bounded along a normal where one of its parts is furthest along it.
 
-        A face does where some of it is of the solid's; an edge or a vertex where at some point of it no other part goes
-        further along the normal, as parts do on a cut, at a concave edge, and on a face that goes on.
+        A face does so if some of it is of the solid's; an edge or a vertex if at some point of it no other part goes
+        further, as parts do on a cut, at a concave edge, and on a face that goes on.
         """
         own, slack = self.parts[part], DEFAULT.tie * self.size
-        faces = [own.elements["F"][k] for k, loop in enumerate(own.loops) if {*rows} <= {*loop} and len(rows) > 2]
-        if faces:
-            return faces[0].kind == "F" and self.owns(faces[0])
-        points = np.vstack([own.vertices[[*rows]], own.vertices[[*rows]].mean(axis=0)])
+        heights = own.vertices @ normal
+        rows = np.flatnonzero(heights >= heights.max() - slack)
+        if len(rows) > 2 and (k := next((k for k, loop in enumerate(own.loops) if {*rows} <= {*loop}), -1)) >= 0:
+            return own.elements["F"][k].kind == "F" and self.owns(own.elements["F"][k])
+        points = np.vstack([own.vertices[rows], own.vertices[rows].mean(axis=0)])
         bounding = np.ones(len(points), bool)
         for other in (self.full_body or self).parts:
             if other is not own:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -217,40 +216,15 @@ class GapClaims:
         return float((points[1] @ way).min() - (points[0] @ way).max())
 
 
-class _Part(NamedTuple):
-    """A part where it is: its corners, its planes, and the corners of its faces, edges and corners, faces first."""
-
-    points: Array
-    normals: Array
-    levels: Array
-    shapes: list[list[int]]
-
-    @classmethod
-    def of(cls, body: Body, part: ConvexPart, scale: float, pose: Array) -> _Part:
-        """Return a part of a body scaled and then moved."""
-        points = (body.seed + scale * (part.vertices - body.seed)) @ pose[:3, :3].T + pose[:3, 3]
-        normals = part.normals @ pose[:3, :3].T
-        levels = (normals * points[[loop[0] for loop in part.loops]]).sum(axis=1)
-        corners = [[k] for k in range(len(points))]
-        return cls(points, normals, levels, [*map(list, part.loops), *part.edges[:, :2].tolist(), *corners])
-
-    def holds(self, points: Array, slack: float) -> Flags:
-        """Tell which points, (n, 3), are in it."""
-        return np.asarray((points @ self.normals.T - self.levels).max(axis=1) <= slack)
-
-
 class _Solids:
     """Two bodies made and moved, some of whose parts touch and are not counted: where solids have a gap besides."""
 
     def __init__(self, bodies: Sequence[Body], scales: Array, pose: Array, closed: Sequence[tuple[int, int]]) -> None:
         self._pair, self._scales, self._pose = scaled_pair(*bodies), scales, pose
+        self._made = bodies[0].scaled(scales[0]).moved(pose), bodies[1].scaled(scales[1])
         self._slack = DEFAULT.touch * max(body.size for body in bodies)
-        self._sides = [
-            [_Part.of(body, part, scale, T) for part in body.parts]
-            for body, scale, T in zip(bodies, scales.tolist(), (pose, np.eye(4)), strict=True)
-        ]
         normals = {own: self._direction(own) for own in closed}
-        self._planes = [(n, float((self._sides[0][i].points @ n).max())) for (i, _), n in normals.items()]
+        self._planes = [(n, (self._made[0].parts[i].vertices @ n).max()) for (i, _), n in normals.items()]
 
     def _direction(self, parts: tuple[int, int]) -> Array:
         return self._pair.between(*parts).direction(self._scales, self._pose)
@@ -261,30 +235,30 @@ class _Solids:
         Not where either solid goes on in another part that it is cut into, and not in the plane of a closed contact, in
         which the solids slide on each other.
         """
-        one, two = (side[k] for side, k in zip(self._sides, parts, strict=True))
+        one, two = (body.parts[k] for body, k in zip(self._made, parts, strict=True))
         for n, level in self._planes:
-            if max(abs((one.points @ n).max() - level), abs((two.points @ n).min() - level)) <= self._slack:
+            ends = (one.vertices @ n).max(), (two.vertices @ n).min()
+            if np.abs(np.subtract(ends, level)).max() <= self._slack:
                 return False
         if distance <= 2.0 * STEP * self._slack:
             return True
         step = distance * self._direction(parts)
-        return self._on_surface(0, parts[0], two, step) and self._on_surface(1, parts[1], one, -step)
+        return all(self._ends(*own) for own in ((self._made[0], one, two, step), (self._made[1], two, one, -step)))
 
-    def _on_surface(self, side: int, own: int, other: _Part, step: Array) -> bool:
+    def _ends(self, solid: Body, own: ConvexPart, other: ConvexPart, step: Array) -> bool:
         """Tell whether a solid ends somewhere where a part of it is a step from another solid's."""
-        part, direction = self._sides[side][own], step / np.linalg.norm(step)
-        heights = part.points @ direction
-        shape = next(rows for rows in part.shapes if heights[rows].min() >= heights.max() - self._slack)
-        patch = part.points[shape]
+        direction, slack = step / np.linalg.norm(step), self._slack
+        heights = own.vertices @ direction
+        shapes = *map(list, own.loops), *own.edges[:, :2].tolist(), *([k] for k in range(len(heights)))
+        face = own.vertices[next(rows for rows in shapes if heights[rows].min() >= heights.max() - slack)]
+        patch = face
         for n, level in zip(other.normals, other.levels, strict=True):
-            patch = clipped(patch, level + self._slack - (patch + step) @ n)
-        if not len(patch):
-            return True
-        middle = patch.mean(axis=0)
+            patch = clipped(patch, level + slack - (patch + step) @ n)
+        middle = patch.mean(axis=0) if len(patch) else face[0]
         points = np.vstack([middle, (patch + middle) / 2.0])  # inside of what is nearest, whose rim others may share
-        points += INWARDS * (part.points[shape].mean(axis=0) - points) + STEP * self._slack * direction
-        others = (near.holds(points, self._slack) for k, near in enumerate(self._sides[side]) if k != own)
-        return not np.any([*others], axis=0).all()
+        points += INWARDS * (face.mean(axis=0) - points) + STEP * slack * direction
+        heights = np.array([(points @ part.normals.T - part.levels).max(axis=1) for part in solid.parts])
+        return not len(patch) or bool((heights.min(axis=0) > slack).any())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

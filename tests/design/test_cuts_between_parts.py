@@ -98,7 +98,7 @@ def test_a_cut_had_a_gap_of_parts_that_are_scaled(cut):
 @pytest.mark.parametrize("cut", ["beside the bar", "above the bar"])
 def test_the_judge_refuses_a_gap_of_a_cut(cut, monkeypatch):
     """Rows of cuts, taken for those of faces: the solid goes on beyond them."""
-    monkeypatch.setattr(touching_sizes, "_behind", lambda *how: False)
+    monkeypatch.setattr(touching_sizes, "is_behind", lambda *how: False)
     stack = fo.stack_up(asked(cut))
     assert stack.worst().largest == pytest.approx({"beside the bar": EDGE, "above the bar": 0.05}[cut])
     assert {"least gap", "largest gap"} <= {check.name for check in fo.verify(stack).failed}

@@ -21,7 +21,7 @@ from fcdm_opt.curve import kernels as curve_kernels
 from fcdm_opt.curve.contact import facing, supporting_contact
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.games import game
-from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of, of_solids
+from fcdm_opt.curve.touching_sizes import PairRows, PlacedRow, TouchingSizes, is_behind, least_of
 from fcdm_opt.curve.true_sizes import ROLES, ROUNDS, TrueSizes, normals_met
 from fcdm_opt.design.contact_gaps import Extreme, Extremes
 from fcdm_opt.design.fixed_pose import gaps as kernels
@@ -35,7 +35,6 @@ from fcdm_opt.tolerances import DEFAULT
 PIECES = 2000  # pieces of a box of sizes looked at for the largest gap of unions; what is left in doubt is told
 PLANES = 100  # planes below the gap of a part pair, each new one where they are lowest
 FACING = 0.5  # cosine of the angle between directions that look the same way
-SIDES = 9  # sizes at which part pairs are asked whether their gap is one of the solids
 NEAR = 0.1  # of the size of the bodies: how far shifts go about a pose with whose rows they are looked at
 
 
@@ -171,33 +170,26 @@ class Scales(SizedBodies):
         others, behind = ~closed & [own not in self.apart for own in map(tuple, pairs.tolist())], list[int]()
         each = [self._rows(pose, own[None]) for own in (pairs[closed] if others.any() else ())]
         held = [(at, at.at(self.middle)) for at in each]
-        planes = [(end.way, self._plane(end.parts, end.way, pose)[2]) for _, end in held]
-        few = sizes[np.linspace(0, len(sizes) - 1, min(len(sizes), SIDES)).astype(np.int64)]
+
+        def along(parts: tuple[int, int], n: Array) -> PlacedRow:
+            row = self._plane(parts, n, pose)
+            return PlacedRow(n, row, float(row[2]))
+
+        def is_hidden(k: int) -> bool:
+            rows, parts = self._rows(pose, pairs[[k]], every=True).rows, (int(pairs[k, 0]), int(pairs[k, 1]))
+            pair = PairRows(parts, rows[:, 3:6], rows[:, :3], [])
+            return is_behind(pair, planes, along, (self.movable, self.static), pose[:9].reshape(3, 3), self.sizes.box)
+
+        planes = [along(end.parts, end.way) for _, end in held]
         while held and others.any():
             nearest = np.flatnonzero(others & (gaps.min(axis=1) <= gaps[others].max(axis=1).min()))
-            more = [k for k in nearest.tolist() if self._is_behind(pose, pairs[k], planes, few)]
+            more = [*filter(is_hidden, nearest.tolist())]
             others[more] = False
             behind += more
             if not more:
                 found = {end.parts: self.feature(at, end) for at, end in held}
                 return found | dict.fromkeys(map(tuple, pairs[behind].tolist()))
         return {}
-
-    def _is_behind(self, pose: Array, pair: Ints, planes: Sequence[tuple[Array, float]], sizes: Array) -> bool:
-        """Tell whether a part pair is left out with those closed, see `TouchingSizes.behind`, at some sizes."""
-        parts, near = (int(pair[0]), int(pair[1])), DEFAULT.tie * self.size
-        for n, level in planes:
-            gap, *rates = self._plane(parts, n, pose)
-            if abs(rates[1] - level) <= near and np.abs(gap + sizes @ rates).max() <= near:
-                return True
-        at, bodies, transform = self._rows(pose, pair[None]), (self.movable, self.static), np.eye(4)
-        transform[:3, :3] = pose[:9].reshape(3, 3)
-        for n in (at.at(rho).way for rho in sizes):
-            one, two = (body.parts[k] for body, k in zip(bodies, parts, strict=True))
-            contact = supporting_contact(one, two, n, pose, DEFAULT.nominal)
-            if of_solids(bodies, parts, (contact.one, contact.two), n, transform):
-                return False
-        return True
 
     def _rows(self, pose: Array, pairs: Ints, *, every: bool = False) -> GapRows:
         rows, first = kernels.pair_rows(*self.packed, pose, pairs)
