@@ -12,7 +12,8 @@ import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, groups_of, numbers
-from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.bodies import Body, cached_per_body
+from fcdm_opt.geometry.measures import cross
 from fcdm_opt.geometry.naming import (
     ROUND_KINDS,
     SIDES,
@@ -22,7 +23,8 @@ from fcdm_opt.geometry.naming import (
     round_faces,
     selectors_of_rows,
 )
-from fcdm_opt.geometry.polygons import hold
+from fcdm_opt.geometry.polygons import distances, hold
+from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.tolerances import DEFAULT
@@ -180,13 +182,18 @@ class Size(Plain):
         found, off = _dimension(self, body), {own: x for own, x in (made or {}).items() if own.body == self.body}
         if found is None:
             return {}
-        grown = [x * own.offsets(body) for own, x in off.items() if found.others[0] >= 0 or not own.along]  # no radius
-        moved, near = np.sum([*grown, np.zeros(len(body.faces))], axis=0), DEFAULT.nominal * body.size
-        moved = np.append(moved, np.nan if found.own[0] < 0 and moved.any() else 0.0)  # where no face is, row -1
-        stretch = np.eye(3) + sum(x * own.directions() for own, x in off.items())
+        stretch, near = np.eye(3) + sum(x * own.directions() for own, x in off.items()), DEFAULT.nominal * body.size
         lengths = found.length / np.linalg.norm(np.linalg.solve(stretch, found.along.T), axis=0)[:, None]
-        across = body.face_planes[0][found.others] @ found.along[0]  # -1 of a width, 1 of a step
-        lengths = lengths + found.rate * (moved[found.own][:, None] - across * moved[found.others])
+        lengths = lengths + np.zeros((len(found.own), len(found.others)))
+        moving = [own for own, x in off.items() if x and not (found.is_radius and own.along)]
+        if found.own[0] < 0 and any(own.offsets(body).any() for own in moving):
+            return {}  # ends in no face
+        for own in moving if found.own[0] >= 0 else ():
+            moved = off[own] * own._outward(body, found.own, found.along[0])[:, None]
+            if not found.is_radius:
+                stands = own._outward(body, found.others, found.side * found.along[0])
+                moved = moved - off[own] * found.side * stands
+            lengths = lengths + found.rate * moved
         if not np.ptp(lengths, axis=0).max() <= near:
             return {}
         alike = groups_of(np.unique(np.rint(lengths[0] / near), return_inverse=True)[1])
@@ -209,6 +216,11 @@ class Size(Plain):
         places = [float(along @ (body.seed + stretch @ (face.surface.origin - body.seed)) + shift) for face in rounds]
         across = all(abs(face.surface.axis @ along) <= DEFAULT.nominal for face in rounds)
         return places[0] if across and np.ptp(places) <= DEFAULT.snap * body.size else np.nan
+
+    def _outward(self, body: Body, rows: Ints, normal: Array) -> Array:
+        """Return how far faces move outward a unit of the size, (rows,), where round ones have that normal."""
+        moved = self.offsets(body)[rows]
+        return moved if self.along is None else np.where(moved, normal @ np.array(self.along), 0.0)
 
     def _round_faces(self, body: Body) -> list[Round]:
         """Return the cylinders and spheres that make up its faces; none where there are other faces, too."""
@@ -326,12 +338,20 @@ class Size(Plain):
         if isinstance(selector, str):
             n = np.array(AXES[selector.removeprefix("+")])
             rows = np.flatnonzero(np.abs(normals - n).max(axis=1) <= near)
+            flat = rows[_facets(body)[1][rows] == 0.0]  # facets of a bore are none of a block's sides
+            rows = flat if flat.size else rows
         elif "through" in selector:
             # in the plane of a face, and in one of its triangles: a facet of a part may span several faces of a plane
             point, (triangles, owners) = np.array(selector["through"]), body.face_triangles
             n, snap = normals[owners], DEFAULT.snap * body.size
             on = np.abs(((point - triangles[:, 0]) * n).sum(axis=1)) <= snap
             rows = np.unique(owners[on & hold(triangles, n, point[None], snap)[0]])
+            for face, facets in _facets(body)[0]:
+                own = triangles[np.isin(owners, facets)]
+                off, farthest = face.surface.misses(point[None])[0][0], face.surface.deviations(own).max()
+                on_it = not rows.size and abs(off) <= snap and distances(point, own).min() <= snap + farthest
+                if on_it or (rows.size and np.isin(rows, facets).all()):
+                    return facets
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
@@ -373,45 +393,130 @@ class _Dimension(NamedTuple):
     others: Ints  # faces at the other end
     rate: float  # by how much it grows a unit that the own faces move outward
     is_whole: bool  # whether both ends are the size's
+    side: float = -1.0  # 1 where the other faces look the same way: of a step
+
+    @property
+    def is_radius(self) -> bool:
+        """Whether it is a radius or a diameter."""
+        return bool(self.own[0] >= 0 > self.others[0])
 
 
 @lru_cache(maxsize=128)
 def _dimension(size: Size, body: Body) -> _Dimension | None:
     """Return what a size measures, None where that is no length."""
-    (normals, points), none, near = body.face_planes, np.array([-1]), DEFAULT.nominal * body.size
+    normals, none, near = body.face_planes[0], np.array([-1]), DEFAULT.nominal * body.size
     moved, grown = size.offsets(body), dict[float, _Dimension]()  # by how much it grows a unit of the size
     if size.scale is not None:
         longest = np.eye(3)[np.ptp(body.vertices @ size.directions(), axis=0).argmax()]
         along = longest if isinstance(size.scale, str) else np.array(size.scale)
-        (low, high), looks, at = np.sort(body.vertices @ along)[[0, -1]], normals @ along, points @ along
-        own, others = (
-            np.flatnonzero(abs(at - x) + abs(looks - n) * body.size <= near) for x, n in ((high, 1), (low, -1))
-        )
+        looks, levels = _along(body, along)
+        ends = [np.flatnonzero(looks == side) for side in (1.0, -1.0)]
+        at = np.concatenate([body.vertices @ along, levels[np.concatenate(ends)]])
+        high, low = float(at.max()), float(at.min())
+        own, others = (rows[abs(levels[rows] - x) <= near] for rows, x in zip(ends, (high, low), strict=True))
         own, others = (own, others) if len(own) and len(others) else (none, none)
-        return _Dimension(float(high - low), along[None], own, others, 1.0, True)
+        return _Dimension(high - low, along[None], own, others, 1.0, True)
     rows, rounds = np.flatnonzero(moved), size._round_faces(body)
     if len({face.name for face in rounds}) == 1 and np.ptp(moved[rows]) == 0.0:
         side = 1.0 if rounds[0].name.startswith(ROUND_KINDS[::2]) else -1.0
         for k in (1.0, 2.0):
             length = k * rounds[0].surface.radius
             grown[side * k * float(moved[rows[0]])] = _Dimension(length, normals[rows], rows, none, side * k, True)
-    towards, levels = normals @ normals[rows[-1]], points @ normals[rows[-1]]
-    ahead, across = (np.flatnonzero(np.abs(towards - side) <= DEFAULT.nominal) for side in (1.0, -1.0))
+    bends = _facets(body)[1]
+    plane = rows[bends[rows] == 0.0]
+    along = normals[plane[-1]] if len(plane) else np.sign(moved.sum()) * np.array(size.along or (0.0, 0.0, 0.0))
+    looks, levels = _along(body, along)
+    ahead, across = (np.flatnonzero(looks == side) for side in (1.0, -1.0))
     own, also = np.intersect1d(ahead, rows), np.intersect1d(across, rows)
-    if len(own) and not len(also):
-        across = _opposite(body, own, across, levels, float(moved[own[0]]))
+    if not len(own) or np.isin(rows, [*own, *also, *np.flatnonzero(np.isnan(looks))], invert=True).any():
+        ahead = across = also = rows[:0]
+    elif not len(also):  # bores and cradles where there is nothing else
+        outward = float(size._outward(body, own[:1], along)[0])
+        across, inside = (
+            _opposite(body, own, across[(bends[across] < 0.0) == bore], levels, outward) for bore in (False, True)
+        )
+        across = across if len(across) else inside
     several = not len(also) and len(across) > 0 and np.ptp(levels[across]) > near
-    for others in (also,) if len(also) else (across, np.setdiff1d(ahead, rows)):  # these stay: a width, or a step
-        one_plane = len(others) and max(np.ptp(levels[own]), np.ptp(levels[others])) <= near
-        if one_plane and len(own) + len(also) == len(rows):
-            width = float(levels[own[0]] - levels[others[0]])
-            found = _Dimension(abs(width), normals[own[:1]], own, others, float(np.sign(width)), len(also) > 0)
-            rate = found.rate * float(moved[own[0]] + moved[others[0]])
+    steps = np.setdiff1d(ahead[bends[ahead] == 0.0], rows)
+    for others in (also,) if len(also) else (across, steps):  # these stay: a width, or a step
+        if len(others) and max(np.ptp(levels[own]), np.ptp(levels[others])) <= near:
+            flat, side = others[bends[others] == 0.0], float(looks[others[0]])
+            others = flat if len(flat) else others  # not what is tangent to them
+            width, is_whole = float(levels[own[0]] - levels[others[0]]), len(also) > 0
+            found = _Dimension(abs(width), along[None], own, others, float(np.sign(width)), is_whole, side)
+            apart = size._outward(body, own[:1], along) - side * size._outward(body, others[:1], side * along)
+            rate = found.rate * float(apart[0])
             first = rate not in grown and not several
             shorter = rate not in grown or found.length < grown[rate].length
             if first or (shorter and _surrounded(body, own, others)):
                 grown[rate] = found
     return next((found for rate, found in grown.items() if abs(rate - 1.0) <= DEFAULT.nominal), None)
+
+
+def _along(body: Body, along: Array) -> tuple[Array, Array]:
+    """Return how faces look along a direction and where they lie, those that stand for round ones as these, (faces,).
+
+    1 where a face is across it and looks that way, -1 the other way, 0 elsewhere; of a round face where it is tangent
+    to such a plane all facets on that side, nan for those on neither.
+    """
+    (normals, points), (rounds, bends), near = body.face_planes, _facets(body), DEFAULT.snap * body.size
+    slopes, levels = normals @ along, points @ along
+    looks = np.where(np.abs(np.abs(slopes) - 1.0) <= DEFAULT.nominal, np.sign(slopes), 0.0)
+    looks[bends != 0.0] = 0.0
+    planes = {side: levels[looks == side] for side in (1.0, -1.0)}
+    for face, rows in rounds:
+        for side, flat in planes.items():
+            mine = rows[side * slopes[rows] > DEFAULT.nominal]
+            there = _tangent_point(body, face.surface, mine, side * float(bends[rows[0]]) * along)
+            if there is None:
+                continue
+            point, is_inside = there
+            flush = flat[np.abs(flat - point @ along) <= near]  # of a plane that it ends at, tangent to it
+            if is_inside or len(flush):
+                looks[rows] = np.where(looks[rows] == 0.0, np.nan, looks[rows])
+                looks[mine], levels[mine] = side, float(point @ along) if is_inside else flush[0]
+    return looks, levels
+
+
+@cached_per_body
+def _facets(body: Body) -> tuple[list[tuple[Round, Ints]], Array]:
+    """Return the round faces of a body, each with the rows of the facets that stand for it, and what faces are.
+
+    0 of plane faces, 1 of round ones, -1 of bores and other hollow ones, (faces,).
+    """
+    bends = np.zeros(len(body.faces))
+    bends[[row for _, own in body.surfaces or () for row in own]] = 1.0  # tori have no name
+    found = [(face, np.array([body.face_rows[label] for label in face.faces])) for face in round_faces(body)]
+    for face, rows in found:
+        bends[rows] = -1.0 if face.name.startswith(ROUND_KINDS[1::2]) else 1.0
+    return found, frozen(bends)
+
+
+def _tangent_point(body: Body, surface: Swept, rows: Ints, outward: Array) -> tuple[Array, bool] | None:
+    """Return a point of a surface, away from its axis or centre, whose normal is a direction, on some facets of it.
+
+    And whether there is more of it on all sides of that point. None where the facets, of which all look that way or
+    back, end before it.
+    """
+    if surface.line is None:
+        point, tangents = surface.origin + surface.radius * outward, np.linalg.svd(outward[None])[2][1:]
+    else:
+        c, s = surface.line
+        across = outward - (outward @ surface.axis) * surface.axis
+        if abs(outward @ surface.axis + s) > DEFAULT.snap:
+            return None
+        point = surface.origin + surface.radius / c**2 * across
+        tangents = cross(surface.axis, across)[None] / c
+    triangles, owners = body.face_triangles
+    near, corners = DEFAULT.snap * body.size, triangles[np.isin(owners, rows)] - point
+    off = corners @ tangents.T
+    if len(tangents) == 1:
+        held = ((off.min(axis=1) <= near) & (off.max(axis=1) >= -near)).any()
+    else:
+        looks = np.sign(cross(*(corners[:, k] - corners[:, 0] for k in (1, 2))) @ outward)[:, None] * outward
+        held = hold(corners - (corners @ outward)[..., None] * outward, looks, np.zeros((1, 3)), near).any()
+    ends = off.reshape(-1, len(tangents))
+    return (point, bool((ends.min(axis=0) < -near).all() and (ends.max(axis=0) > near).all())) if held else None
 
 
 def spans(body: Body, rows: Sequence[int]) -> tuple[Array, Array]:

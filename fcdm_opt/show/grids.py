@@ -15,6 +15,8 @@ from fcdm_opt.curve.true_sizes import ROLES
 from fcdm_opt.design.compensation.compensation_map import CompensationMap
 from fcdm_opt.design.compensation.refined_mesh import SHORTEST
 from fcdm_opt.design.compensation.sampling import sample_at
+from fcdm_opt.design.compensation.table import edges_of
+from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.naming import faces_text
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
@@ -26,6 +28,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 LINES = {1: 21, 2: 11, 3: 5}  # values of each size that are listed, of a map over so many; of more 3
 UNSURE = 0.1  # of the largest amount: a motion that may be off by more is not told
+EDGE, EVERY = 33, 2  # points of an edge of a map's simplices, of as many sizes at most; of more its nodes
 NOTHING = 1e-5  # of the largest value, what is listed as 0: less than four digits of it tell
 
 
@@ -43,6 +46,7 @@ class Grid(NamedTuple):
     rows: Sequence[str]
     columns: Sequence[str]
     cells: Sequence[Sequence[str]]
+    between: float = 0.0  # by how much values in proportion between lines are off, but for cells in which motions jump
 
 
 def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> list[Grid]:
@@ -59,14 +63,17 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
     # where a region without a motion ends, as at no play at all, a map knows it to its shortest edge only
     off = 2.0 * SHORTEST * np.diag(np.ptp(np.asarray(found.box), axis=1))
     around = found.table.at(*np.moveaxis(places[:, None] + np.array([*off, *-off]), -1, 0))
-    for k in np.flatnonzero(np.isnan(points.amount) & ~late & np.isfinite(around.amount).any(axis=1)).tolist():
+    most = max(found.error, UNSURE * float(np.nanmax(points.amount, initial=0.0)))
+    on_jump = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # between motions found next to it
+    at_end = np.isnan(points.amount) & ~late & np.isfinite(around.amount).any(axis=1)
+    late |= on_jump & bool(found.stopped)
+    for k in np.flatnonzero(at_end | (on_jump & ~late)).tolist():  # of motions that are as large, either will do
         sample = pacing.in_time(sample_at, scene, tuple(places[k].tolist()), found.over, late=None)
         late[k] = sample is None
         motion[k] = np.nan if sample is None else sample.values[1:]
-    motion = motion.reshape(*shape, -1)
-    most = max(found.error, UNSURE * float(np.nanmax(points.amount, initial=0.0)))
-    between = np.isfinite(points.amount) & ~(points.displacement_error <= most)  # of motions found beside it, on a jump
-    unknown = (late | between).reshape(shape)
+    motion[late] = np.nan
+    off = _off_between(found, sizes, np.where((points.displacement_error <= found.reached)[:, None], motion, np.nan))
+    motion, unknown = motion.reshape(*shape, -1), late.reshape(shape)
     heads = [[own.text(x) for x in values.tolist()] for values, own in zip(sizes, _headings(found, scene), strict=True)]
     *down, across = heads if len(heads) > 1 else (*heads, [""])
     rows = [" / ".join(row) for row in product(*down)]
@@ -79,8 +86,34 @@ def grids(found: CompensationMap, scene: Scene, *, lines: int | None = None) -> 
             ["?" if unsure else number(0.0 if abs(x) <= small else x) for x, unsure in zip(*row, strict=True)]
             for row in zip(values.tolist(), unknown.tolist(), strict=True)
         ]
-        made.append(Grid(own.name, "deg" if turned else found.unit, rows, across, cells))
+        between = float(np.degrees(off[k]) if turned else off[k])
+        made.append(Grid(own.name, "deg" if turned else found.unit, rows, across, cells, between * (between > small)))
     return made
+
+
+def _off_between(found: CompensationMap, sizes: Sequence[Array], motion: Array) -> Array:
+    """Return by how much motions in proportion between lines, at `sizes`, differ from a map's own, (p,).
+
+    Along the edges of its simplices, on which contacts change, but for cells of the grid in which motions jump.
+    `motion` (n, p) at all lines, nan on a jump.
+    """
+    from scipy.interpolate import RegularGridInterpolator
+
+    table, count = found.table, len(sizes)
+    one, two = np.transpose(edges_of(count))
+    steps = np.linspace(0.0, 1.0, EDGE if count <= EVERY else 3)[:, None, None]
+    basis = [(1 - steps) * (1 - 2 * steps), steps * (2 * steps - 1), 4 * steps * (1 - steps)]
+    ends = [table.corners[:, None, own] for own in (one, two)]
+    places = ends[0] + steps * (ends[1] - ends[0])  # (m, steps, edges, sizes)
+    values = table.values[:, None, :, 1:]
+    nodes = (values[:, :, one], values[:, :, two], values[:, :, count + 1 :])
+    own = sum(share * each for share, each in zip(basis, nodes, strict=True))
+    lines = motion.reshape(*map(len, sizes), -1)
+    off = np.abs(RegularGridInterpolator(sizes, lines, bounds_error=False)(places) - own)
+    within = [np.clip(np.searchsorted(own, places[..., k]) - 1, 0, len(own) - 2) for k, own in enumerate(sizes)]
+    cells, jumps = np.ravel_multi_index(within, [*map(len, sizes)]), ~(table.errors[:, 1] <= found.reached)
+    smooth = ~np.isin(cells, cells[jumps])
+    return np.nan_to_num(np.nanmax(off[smooth].reshape(-1, off.shape[-1]), axis=0, initial=0.0))
 
 
 class _Heading(NamedTuple):
@@ -156,6 +189,7 @@ def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str)
     to_csv(paths[0], lines[:-1])
     words = {"title": title, "down": down, "across": across, "moved": moved, "off": off, "unit": found.unit,
              "reached": number(found.reached), "bounded": np.isfinite(found.reached),
+             "off_between": any(table.between for table in tables),
              "open": any("?" in row for table in tables for row in table.cells),
              "jumps": any(own.jumps for own in found.boundaries)}  # fmt: skip
     moving = [table for table in tables if any(cell not in ("0", "-", "?") for row in table.cells for cell in row)]

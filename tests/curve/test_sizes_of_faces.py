@@ -18,6 +18,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes, least_of
 from fcdm_opt.drafting.draft import widths
 from fcdm_opt.geometry import elements
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
+from fcdm_opt.geometry.naming import names_of_rows
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes, resized
 from fcdm_opt.show.stacks import stack_notes
 from fcdm_opt_benchmarks.references import sizes as exact
@@ -759,6 +760,63 @@ def length(size: fo.Size, body: fo.Body) -> float:
     """What a size measures as drawn."""
     (found,) = size.dimensions(body).values()
     return found
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 24, 0.05, 0.1])
+def test_a_point_of_a_bore_means_the_bore(angle: float) -> None:
+    """On the seam of two facets, within one, and on the true bore beyond it; a point of the rim is of two faces."""
+    plate = fo.cut(fo.Box((40, 40, 6), centre=(0, 0, 3)), fo.Cylinder(10.0, 8.0, base=(0, 0, -1), facets=24))
+    whole = fo.Size("d", "static", faces="bore radius 10", each=-0.5).offsets(plate)
+    for radius in (
+        10.0,
+        10.0 * math.cos(math.pi / 24) / math.cos(abs(math.remainder(angle - math.pi / 24, math.pi / 12))),
+    ):
+        place = radius * math.cos(angle), radius * math.sin(angle), 3.0
+        assert np.array_equal(fo.Size("d", "static", faces={"through": place}, each=-0.5).offsets(plate), whole)
+    with pytest.raises(fo.FcdmError, match="several faces"):
+        fo.Size("d", "static", faces={"through": (10.0, 0.0, 6.0)}).offsets(plate)
+    with pytest.raises(fo.FcdmError, match="no face"):
+        fo.Size("d", "static", faces={"through": (9.8, 0.0, 3.0)}).offsets(plate)
+
+
+def spun(body: fo.Body, angle: float) -> fo.Body:
+    """A body turned about y, so that other points of a circle are corners."""
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.from_rotvec([0, angle, 0]).as_matrix()
+    return body.moved(turned)
+
+
+@pytest.mark.parametrize("facets", [24, 25])
+@pytest.mark.parametrize("angle", [0.0, math.pi / 24, 0.05])
+def test_a_height_was_measured_to_a_facet_of_a_round_crown(facets: int, angle: float) -> None:
+    """A cylinder of radius 5 cut off at 3: 2 from its crown, 8 with the crown cut off; a cradle's floor of 8 - 5."""
+    rod = spun(fo.Cylinder(5.0, 6.0, axis="y", facets=facets), angle)
+    ball = spun(fo.Sphere(5.0, facets=facets), angle)
+    below, above = (fo.Box((20, 20, 20), centre=(0, 3, 3 + off)) for off in (-10, 10))
+    cradle = fo.cut(fo.Box((8, 6, 8), centre=(0, 3, -4)), spun(fo.Cylinder(5.0, 8.0, base=(0, -1, 0), axis="y"), angle))
+    plate = fo.cut(fo.Box((40, 6, 20), centre=(0, 3, 0)), rod)
+    for body, face, name, height in (
+        (fo.cut(rod, below), "-z", "cylinder radius 5", 2.0),
+        (fo.cut(rod, above), "+z", "cylinder radius 5", 8.0),
+        (fo.cut(ball, below), "-z", "sphere radius 5", 2.0),
+        (cradle, "-z", "bore radius 5", 3.0),
+        (plate, "-z", "face top", 20.0),  # not to its bore
+    ):
+        assert fo.Size("h", "movable", faces=face).dimensions(body) == pytest.approx({name: height}, rel=1e-6)
+    rocker, faces = fo.cut(rod, below), "cylinder radius 5"
+    lifted, wider = fo.Size("crown", "movable", faces=faces, along="-z"), fo.Size("r", "movable", faces=faces)
+    foot = fo.Size("h", "movable", faces="-z")
+    assert foot.dimensions(rocker, {lifted: -0.1, wider: 0.05, foot: 0.2}) == pytest.approx({faces: 2.35})
+    assert length(fo.Size("h", "movable", scale="z"), rod) == pytest.approx(10.0)
+
+
+def test_a_round_end_is_no_other_end_of_the_flats_that_it_joins() -> None:
+    """A feather key of 8: from one flat to the other, and of flats and ends together 8 as well."""
+    key = fo.joined(*feather(8.0, "key"), name="key")
+    assert fo.Size("b", "movable", faces="+y").dimensions(key) == {"face front": 8.0}
+    ends = [name for name in names_of_rows(key) if " radius " in name]
+    every = fo.Size("b", "movable", faces=["+y", "-y", *dict.fromkeys(ends)], each=0.5)
+    assert every.dimensions(key) == pytest.approx({"": 8.0})
 
 
 def test_the_height_of_a_channel_was_measured_to_the_underside_of_its_rail() -> None:

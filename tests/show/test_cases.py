@@ -107,7 +107,7 @@ def test_a_grid_by_sizes_showed_deviations_that_nobody_can_measure() -> None:
     assert grid.columns == ["-0.01 mm", "as drawn", "+0.01 mm"]
 
 
-def test_a_grid_had_a_dash_where_sizes_leave_no_play_at_all() -> None:
+def test_a_grid_had_a_dash_where_sizes_leave_no_play_at_all(tmp_path: Path) -> None:
     """Two pins of 2, one of them off by p, in slots of 2.1 are to clear: the shift is .05 - p, up to p = .1."""
     centres = (-10.0, 10.0)
     pins = [Box((2, 2, 2), centre=(x, 0, 0)).vertices for x in centres]
@@ -116,10 +116,28 @@ def test_a_grid_had_a_dash_where_sizes_leave_no_play_at_all() -> None:
     place = fo.Size("place", "movable", faces=right, along="x", tolerance=(0.0, 0.12))
     bodies = fo.Body.from_parts(pins, name="pins"), fo.Body.from_parts(walls, name="slots")
     problem = fo.Problem(*bodies, sizes=[place], motion=fo.Translation("x"), goal="clear", unit="mm")
-    (grid,) = grids(fo.compensation_map(problem, error=1e-3), problem, lines=7)
+    found = fo.compensation_map(problem, error=1e-3)
+    (grid,) = grids(found, problem, lines=7)
+    assert grid.between == pytest.approx(0.005, abs=1e-5)  # at .05, half of the -.01 at .06
+    page = write_grids(found, problem, tmp_path / "map", title="pins")[1].read_text(encoding="utf-8")
+    most = grids(found, problem)[0].between  # at .048 and .054 of 21 lines: a third of -.004
+    assert most == pytest.approx(0.004 / 3, abs=1e-5)
+    assert f"a value in proportion is off by up to {most:.4g} mm" in page
     *cells, beyond = (row[0] for row in grid.cells)
     assert beyond == "-"
     np.testing.assert_allclose([float(x) for x in cells], [0.0, 0.0, 0.0, -0.01, -0.03, -0.05], atol=1e-6)
+
+
+def test_a_grid_did_not_know_a_motion_where_two_are_as_small() -> None:
+    """A peg with .1 to either wall, shifted by p, is to touch: .1 - |p|, either of both at 0, no value in between."""
+    walls = [Box((1, 4, 4), centre=(side * 1.6, 0, 0)).vertices for side in (-1, 1)]
+    peg = Box((2, 2, 2), name="peg")
+    place = fo.Size("place", "movable", faces=["-x", "+x"], along="x", tolerance=0.05)
+    motion = fo.Translation("x")
+    problem = fo.Problem(peg, fo.Body.from_parts(walls), sizes=[place], motion=motion, goal="touch", unit="mm")
+    (grid,) = grids(fo.compensation_map(problem), problem, lines=3)
+    assert [abs(float(row[0])) for row in grid.cells] == pytest.approx([0.05, 0.1, 0.05])
+    assert not grid.between
 
 
 def test_what_sizes_measure_as_drawn() -> None:
@@ -266,7 +284,7 @@ def test_what_sizes_measure_counts_all_that_moves_either_end() -> None:
     assert made("wide", wide=0.02, radius=0.01, place=0.3, long=0.5) == pytest.approx({"": 6.04})
     assert made("radius", wide=0.02, radius=0.01) == pytest.approx({"": 3.02})
     assert made("oval", oval=0.01) == pytest.approx({"": 6.06})
-    assert not made("oval", oval=0.01, radius=0.01)  # the pin ends in no face along x
+    assert made("oval", oval=0.01, radius=0.01) == pytest.approx({"": 6.06 + 0.02})
     assert not made("wide", oval=0.01)  # no longer round
     assert sizes["place"].position(pin, {sizes["place"]: 0.3}) == pytest.approx(1.3)
     two = fo.Size("left and right", "static", faces=[{"through": (x, 20, 10)} for x in (5, 70)], each=1.0)

@@ -186,6 +186,26 @@ def test_how_far_a_size_or_a_limit_is_to_change_was_not_told(
     assert advised(SolvedCase(peg_in_hole(high, limits={"TX": limits}))) == told
 
 
+def test_a_size_beyond_its_tolerance_was_no_cure() -> None:
+    """A peg of 10.3, with 10 +- .1 in order, in a slot of 10.2 + .1: 10.2 in 10.2 fits, and 10.3 in 10.3."""
+    walls = fo.joined(*(fo.Box((5, 30, 6), centre=(side * 7.6, 0, 0)) for side in (-1, 1)), name="walls")
+    inner = [{"through": (side * 5.1, 0.0, 0.0)} for side in (-1, 1)]
+    sizes = [
+        fo.Size("peg", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.1),
+        fo.Size("slot", "static", faces=inner, each=-0.5, tolerance=(0.0, 0.1)),
+    ]
+    asked = fo.Problem(
+        fo.Box((10, 10, 10), name="peg"), walls,
+        sizes=sizes, made={"peg": 0.3}, goal="clear", motion=fo.Translation("x"), unit="mm",
+    )  # fmt: skip
+    solution = fo.solve(asked)
+    assert advised(SolvedCase(solution)) == "Change peg (to +0.2 mm) or slot (to +0.1 mm)."
+    found = fo.conflicts(solution)
+    assert found.sizes == pytest.approx({"peg": 0.2, "slot": 0.1})
+    assert "to change alone: peg to +0.2 mm\nto change alone: slot to +0.1 mm" in str(found)
+    assert fo.conflicts(solution, deviation=False).sizes == {}
+
+
 def test_a_bar_in_a_bore_was_told_by_facets_and_the_bore_was_to_change() -> None:
     """A bar 8 x 6 in a bore of 10.1, .3 wider: its diagonal is sqrt(8.3^2 + 6^2) = 10.2416; 8.1246 would do."""
     bar, sleeve = fo.Box((8, 6, 20), name="bar"), fo.Box((20, 20, 10), name="sleeve")

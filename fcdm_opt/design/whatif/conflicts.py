@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, scene_of
+from fcdm_opt.design.whatif.fitting import mending_sizes
 from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.units import measured
@@ -18,9 +19,9 @@ from fcdm_opt.plain import Plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import unlike_steps, verdict
+from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
-
 
 KEEPS = "no motion keeps "
 MANY = 3  # constraints of which the same is said in one line
@@ -31,8 +32,8 @@ class Conflicts(Plain):
     """Why a problem has no motion."""
 
     plain_names: ClassVar[tuple[str, ...]] = (
-        "constraints", "reason", "clashes", "complete", "relaxations", "deviation", "trials", "solves", "seconds",
-        "stopped",
+        "constraints", "reason", "clashes", "complete", "relaxations", "deviation", "sizes", "trials", "solves",
+        "seconds", "stopped",
     )  # fmt: skip
     plain_kinds: ClassVar[Mapping[str, Any]] = {"constraints": tuple[str, ...]}
 
@@ -47,6 +48,7 @@ class Conflicts(Plain):
     # that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled: a
     # larger deviation can be easier
     deviation: LeastRelaxation | None = None
+    sizes: Mapping[str, float] = field(default_factory=dict)  # that cure it alone, with the deviations that do
     reason: str = ""  # by how much what is asked is missed at the best pose found, or which widths do not go together
     trials: tuple[Trial, ...] = ()  # where the motion alone cannot do it: whether others, or another goal, can
     solves: int
@@ -78,6 +80,8 @@ class Conflicts(Plain):
             lines.append("there may be others that clash, as few or fewer")
         cures = sorted((one for one in self.relaxations if one.cures), key=lambda one: one.amount)
         lines += [f"to relax alone: {one}" for one in cures]
+        lines += [f"to change alone: {own.name} to {own.deviation_text(self.sizes[own.name], self.problem.unit)}"
+                  for own in self.problem.sizes if own.name in self.sizes]  # fmt: skip
         if self.deviation is not None:
             value, made = self.deviation.value, self.problem.made or {}
             share = f"{100.0 * value:.6g} % of the" if value > 0.0 else "no share, however small, of the"
@@ -120,7 +124,8 @@ def conflicts(
         Look for the least relaxation of each constraint that clashes; takes seconds each where there is no closed
         form.
     deviation : bool
-        Look for the largest share of the deviation from nominal that can be made good, too.
+        Look for the largest share of the deviation from nominal that can be made good, too, and of two parts for the
+        sizes which alone, made otherwise, cure it.
     time : float, optional
         Wall time in seconds after which all ends, with what is known so far, see `Conflicts.stopped`.
 
@@ -155,6 +160,8 @@ def conflicts(
         least = (pacing.in_time(search.least_relaxation, by_name[name], late=None) for name in members if relax)
         relaxations = tuple(filter(None, least))
         share, trials = pacing.in_time(search.largest_deviation, late=None) if deviation else None, list[Trial]()
+        change = deviation and isinstance(scene, Problem)
+        sizes = pacing.in_time(mending_sizes, scene, late={}) if change else {}
         with suppress(pacing.TimeOverError):
             trials += () if members else search.trials()
         stopped = pacing.stopped()
@@ -166,6 +173,7 @@ def conflicts(
         complete=complete,
         relaxations=relaxations,
         deviation=share,
+        sizes={name: value for name, value in sizes.items() if math.isfinite(value)},
         trials=tuple(trials),
         solves=search.solves,
         seconds=perf_counter() - start,

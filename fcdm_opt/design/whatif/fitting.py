@@ -31,7 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
 TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
-ADVICE, LEAST_ADVICE, MOST_ADVICE = 2.0, 4.0, 10.0  # times the solve, and seconds, that all of them may for one answer
+ADVICE = 2.0  # times the solve that all of them may take for one answer, within `pacing.ADVISED`
 NO_TIME = 1e-9  # seconds
 FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for that leaves it
 LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
@@ -102,7 +102,7 @@ def advising(solution: Bounded) -> Iterator[None]:
     """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
     start, rest = pacing.clock(), vars(solution).get("advice_time", math.nan)
     if math.isnan(rest):
-        rest = min(max(ADVICE * sum(solution.seconds.values()), LEAST_ADVICE), MOST_ADVICE)
+        rest = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
     try:
         with pacing.within(max(rest, NO_TIME), share=1.0):
             yield
@@ -230,8 +230,9 @@ def widened_limits(scene: Scene) -> list[tuple[Constraint, float]]:
 def mending_sizes(problem: Problem) -> dict[str, float]:
     """Return the sizes which alone, made otherwise, let the parts fit, with the least change of their deviations.
 
-    nan where no deviation was found to do; without any beyond their tolerances where others do. Sizes off drawn come
-    first. Where no widths tell, these alone are asked about, between what they are and drawn.
+    nan where no deviation was found to do; where some do within their tolerances, or nearer to these than made, without
+    others. Sizes off drawn come first. Where no widths tell, these alone are asked about, between what they are and
+    drawn.
     """
     made = {own.name: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes}
     names, found = sorted(made, key=lambda name: not made[name]), dict[str, float]()
@@ -250,8 +251,14 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
             fit = _rounded_fit(problem, name, share * made[name])
             found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
-    ends = {own.name: own.tolerance for own in problem.sizes if own.tolerance is not None}
-    within = {name: x for name, x in found.items() if name not in ends or ends[name][0] <= x <= ends[name][1]}
+    ends = {own.name: own.tolerance or (-math.inf, math.inf) for own in problem.sizes}
+
+    def beyond(name: str, value: float) -> float:
+        return max(ends[name][0] - value, value - ends[name][1], 0.0)
+
+    within = {
+        name: x for name, x in found.items() if beyond(name, x) <= 0.0 or beyond(name, x) < beyond(name, made[name])
+    }
     return within or found
 
 
