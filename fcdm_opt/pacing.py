@@ -31,6 +31,7 @@ def exclude_time(seconds: float) -> None:
 
 SEARCHED = 0.85  # share of the time given that searching may take: what was found is still to be judged and shown
 JUDGED = 1.1  # the same of searching and judging
+ADVISED = 4.0, 10.0  # seconds, at least and at most, for all that is asked only to advise where there is no motion
 
 
 class TimeOverError(FcdmError):

@@ -16,9 +16,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
+from fcdm_opt import pacing
 from fcdm_opt.threads import single
 
 single()  # as the command line does
+pacing.ADVISED = 60.0, 60.0  # what is advised does not depend on what else the machine does
 os.environ["FCDM_OPT_BACKGROUND"] = "0"  # no command compiles what it does not need
 os.environ["DASK_DISTRIBUTED__WORKER__MULTIPROCESSING_METHOD"] = "forkserver"  # its workers start in a second less
 pytest.register_assert_rewrite("curve_checks")  # checks shared by several files say what differs

@@ -330,10 +330,10 @@ class Size(Plain):
             known = ", ".join(dict.fromkeys(selectors_of_rows(body)))
             raise self._refused(f"no face of body '{body.name}' has this name", key, selector, known)
         if isinstance(selector, str) and selector[0] == "F":
-            row = int(selector[1:]) - 1
+            row, every = int(selector[1:]) - 1, names_of_rows(body)
             if row >= len(normals):
-                raise self._refused("no such face", key, selector, f"F1 to F{len(normals)}")
-            every = names_of_rows(body)  # a facet of a round face means all of it, as it is listed
+                last = max(map(every.index, every))  # a facet of a round face means all of it, as it is listed
+                raise self._refused("no such face", key, selector, f"F1 to F{last + 1}")
             return np.array([k for k, name in enumerate(every) if name == every[row]])
         if isinstance(selector, str):
             n = np.array(AXES[selector.removeprefix("+")])

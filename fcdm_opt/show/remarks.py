@@ -28,6 +28,7 @@ from fcdm_opt.show.verdict import EXACT, gone_through
 from fcdm_opt.tolerances import DEFAULT
 
 NUMBERED = re.compile(r"\bcontacts? \d")  # a sentence that speaks of contacts by number
+MANY = 6  # contacts of which the same is said in one line where there are more
 LARGE, GROWTH = 0.5, 2.0
 """A corner that moves farther than this share of the smaller body's shortest side, and than this times what the sizes
 change, may end on another side of the other body."""
@@ -128,12 +129,16 @@ def _contacts(solution: Solution) -> list[str]:
         every = {1: "the contact is", 2: "both contacts are"}.get(len(gaps), f"all {len(gaps)} contacts are")
         told.append(GoodNews(f"{every} closed"))
     numbered = solution.open_contacts or any(map(NUMBERED.search, solution.active))
-    for k, feature in enumerate(problem.contacts, 1):
+    alike = dict[str, list[int]]()
+    for k, feature in enumerate(problem.contacts):
         gap = gaps.get(feature.label, math.nan)
         state = f"open by {measured(gap, unit, 4)}" if gap > problem.contact_slack else "closed"
-        if numbered:
-            named = feature.in_words(problem.movable, problem.static)
-            told.append(f"contact {k}, {named}" + (f": {state}" if gaps else ""))
+        alike.setdefault(f": {state}" * bool(gaps), []).append(k)
+    for state, rows in alike.items() if numbered else ():
+        words = [f"contact {k + 1}, {problem.contacts[k].in_words(problem.movable, problem.static)}" for k in rows]
+        if state and len(rows) > MANY:
+            words = [f"{words[0]}, and {len(rows) - 1} more ({', '.join(str(k + 1) for k in rows[1:])})"]
+        told.extend(f"{text}{state}" for text in words)
     if not solution.status.found:
         return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]
     if problem.goal == FIT:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -142,8 +143,9 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         ("worst case, largest gap", worst.largest, _sizes(at[1]) or DRAWN),
     ]
     if share is not None:
+        drawn = max(noise, 3.0 * share.deviation / math.sqrt(share.count))  # what drawing leaves of a mean of 0
         rows += [
-            ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean)}"),
+            ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean, least=drawn)}"),
             (
                 "99.73 % of pairs drawn, largest gap",
                 share.high,
@@ -155,7 +157,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         (
             f"{one}, mean - 3 sigma",
             spread.low,
-            f"mean {signed(spread.mean)}, sigma {signed(spread.deviation, least=noise).lstrip('+')}",
+            f"mean {signed(spread.mean, least=noise)}, sigma {signed(spread.deviation, least=noise).lstrip('+')}",
         ),
         (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]

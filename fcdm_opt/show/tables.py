@@ -267,6 +267,8 @@ def print_case(file: str, problem: Scene) -> None:
     console().print(f"{file}: {problem.name} ({_question_text(problem)})", style="bold")
     if problem.unit:
         console().print(texts.units_text(problem.unit))
+    for text in beyond_tolerances(problem):
+        print_text(text)
 
 
 def print_said(result: Any) -> None:
@@ -299,7 +301,9 @@ def print_whatif(answer: WhatIf) -> None:
     asked = [own.question.request for own in (answer.before, answer.after)]
     values = (own for name in answer.changed for own in _changed_values(name, *(plain(own.get(name)) for own in asked)))
     notes = [f"{name}: {old} -> {new}" for name, old, new in values if max(len(old), len(new)) <= LONGEST_VALUE]
-    notes += [*filter(None, [answer.unchanged_text]), *beyond_tolerances(answer.after.question)]
+    was = beyond_tolerances(answer.before.question)  # said above
+    notes += filter(None, [answer.unchanged_text])
+    notes += [own for own in beyond_tolerances(answer.after.question) if own not in was]
     notes += [f"predicted: {reason}" for reason in answer.prediction.reasons]
     for name, own in (("before", answer.before), ("after", answer.after)):
         why = verdict_text(own) if isinstance(own.question, Problem) else own.explained

@@ -48,12 +48,9 @@ REFUSED = {
 
 def verdict_text(solution: Solution) -> str:
     """Return the verdict in one sentence: "move nut 0.033 mm along +z: then its top face lies on ...", or why none."""
-    from fcdm_opt.design.whatif.fitting import advising
-
     if solution.usable:
         return f"{instruction(solution)}: {_effect(solution)}; {sure_text(solution)}"
-    with advising(solution):
-        refused, of_mesh = _refused_text(solution), solution.left_by_mesh
+    refused, of_mesh = _refused_text(solution), solution.left_by_mesh
     if of_mesh.startswith("but "):  # all that is known is of the facets
         return f"not known whether true parts fit: of the facets, {refused.replace(': ', ', ', 1)}; {of_mesh}"
     return "; ".join(filter(None, (refused, of_mesh)))
@@ -62,6 +59,8 @@ def verdict_text(solution: Solution) -> str:
 @lru_cache(maxsize=16)
 def _refused_text(solution: Solution) -> str:
     """Return why there is no motion to use."""
+    from fcdm_opt.design.whatif.fitting import advising
+
     problem = solution.problem
     widths = verdict(problem)
     if widths:
@@ -75,8 +74,10 @@ def _refused_text(solution: Solution) -> str:
         return f"impossible with this motion{limited}{proved}" + f": {solution.reason}" * bool(solution.reason)
     if solution.status.name == "OUTSIDE_FIT":
         late = bool(solution.stopped)  # then nothing else is asked either
-        why = solution.reason if late else barring(problem) or solution.reason
-        more = "" if late else _without_clearance(problem, why)
+        why, more = solution.reason, ""
+        with advising(solution):
+            why = why if late else barring(problem) or why
+            more = "" if late else _without_clearance(problem, why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         known = f"{solution.stopped}: the only motion found by then" if late else NO_FIT

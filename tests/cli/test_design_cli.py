@@ -494,3 +494,24 @@ def test_a_map_without_any_motion_gave_no_reason_and_exited_with_0(tmp_path: Pat
     assert (code, "variance" in said, "nan" in said) == (1, False, False)
     read = json.loads(run("map", path, "--seconds", seconds, "--json")[1])["files"][0]["cases"][0]["map"]
     assert bool(read["reason"]) == (seconds > 1)
+
+
+def test_sizes_made_beyond_their_tolerances_were_taken_without_a_word_by_other_questions(tmp_path: Path) -> None:
+    block, table = ([[x, y, z] for x in (-5, 5) for y in (-5, 5) for z in ends] for ends in ((0, 10), (-2.2, -0.2)))
+    (file := tmp_path / "block.toml").write_text(f"""
+        bodies.movable.vertices = {block}
+        bodies.static.vertices = {table}
+        [[size]]
+        name = "tall"
+        body = "movable"
+        faces = "-z"
+        tolerance = 0.1
+        [[case]]
+        name = "a"
+        made = {{tall = 0.15}}
+        goal = "clear"
+        motion = [{{translation = "z"}}]
+    """)
+    for command in ("stack", "pose"):
+        _, text, _ = run(command, file)
+        assert "made beyond the tolerance: tall +0.15 (-0.1 to +0.1)" in text, command

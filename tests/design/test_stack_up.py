@@ -528,6 +528,10 @@ def test_where_root_sum_square_and_draws_differ_it_is_said_why() -> None:
         with console().capture() as said:
             print_stack(stack, drawn)
         assert ("another one decides" in said.get().replace("\n", " ")) == differ
+    for mean, text in ((-1.2e-6, "mean +0 "), (1e-3, "mean +0.001 ")):  # .006 / 200000 ** .5 are 1.3e-5
+        with console().capture() as said:
+            print_stack(far, replace(far.yield_(200_000), mean=mean))
+        assert text in said.get()
 
 
 def test_a_mean_of_nothing_and_what_is_beyond_the_worst_case_were_not_marked() -> None:

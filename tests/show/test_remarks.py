@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 from typing import Any
 
@@ -234,3 +235,18 @@ def test_a_part_lifted_far_for_its_clearance_was_not_told_with_what_is_left_near
     assert found.amount > 7.0
     (told,) = remarks(found)
     assert told.endswith("of TY, TZ; clearance not met there, where at most 0.1 mm can be kept")
+
+
+def test_contacts_that_are_as_far_open_are_told_in_one_line() -> None:
+    """Five teeth .1 narrower than their slots: flanks are open by half of that, floors closed."""
+    spine = fo.Box((50.0, 10.0, 4.0), centre=(0.0, 0.0, 8.0))
+    places = (-20.0, -10.0, 0.0, 10.0, 20.0)
+    comb = fo.joined(spine, *(fo.Box((4.0, 10.0, 6.0), centre=(x, 0.0, 3.0)) for x in places), name="comb")
+    slots = [fo.Box((4.0, 20.0, 6.0), centre=(x, 0.0, 3.0)) for x in places]
+    plate = fo.cut(fo.Box((60.0, 10.0, 10.0), centre=(0.0, 0.0, 0.0)), *slots, name="plate")
+    narrow = [fo.Size("teeth", "movable", faces=[{"through": (x + 2.0, 0.0, 3.0)} for x in places], each=1.0)]
+    fitted = fo.solve(fo.Problem(comb, plate, goal="fit", contacts="all", sizes=narrow, made={"teeth": -0.1},
+                                 motion=fo.Translation("x") >> fo.Translation("z"), unit="mm"))  # fmt: skip
+    lines = [text for text in remarks(fitted) if text.startswith("contact ")]
+    assert (len(lines), len(fitted.problem.contacts)) == (1 + 5, 10 + 5)
+    assert [text for text in lines if re.search(r", and 9 more \(\d+, .*\): open by 0\.05 mm$", text)]

@@ -369,7 +369,7 @@ def test_advice_ends_in_time_and_proposes_nothing_that_was_not_tried(monkeypatch
 
     solution = fo.solve(_slide_below_a_roof().changed(clearance=0.11))  # what was worked out above is kept
     monkeypatch.setattr(fitting, "solve", endless)
-    monkeypatch.setattr(fitting, "MOST_ADVICE", 0.3)
+    monkeypatch.setattr(pacing, "ADVISED", (0.3, 0.3))
     start = perf_counter()
     told = f"{verdict_text(solution)} {advised(SolvedCase(solution))}"
     assert told.endswith("; there was no time to try which of these would do.")

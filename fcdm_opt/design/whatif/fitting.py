@@ -31,7 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
 TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
-ADVICE, LEAST_ADVICE, MOST_ADVICE = 2.0, 4.0, 10.0  # times the solve, and seconds, that all of them may for one answer
+ADVICE = 2.0  # times the solve that all of them may take for one answer, within `pacing.ADVISED`
 NO_TIME = 1e-9  # seconds
 FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for that leaves it
 LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
@@ -102,7 +102,7 @@ def advising(solution: Bounded) -> Iterator[None]:
     """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
     start, rest = pacing.clock(), vars(solution).get("advice_time", math.nan)
     if math.isnan(rest):
-        rest = min(max(ADVICE * sum(solution.seconds.values()), LEAST_ADVICE), MOST_ADVICE)
+        rest = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
     try:
         with pacing.within(max(rest, NO_TIME), share=1.0):
             yield
@@ -279,7 +279,7 @@ def beyond_tolerance(problem: Problem, name: str, value: float) -> float:
     return max(low - value, value - high, 0.0 * value)
 
 
-def mending_together(problem: Problem) -> dict[str, float]:
+def mending_jointly(problem: Problem) -> dict[str, float]:
     """Return sizes which together, within their tolerances, let the parts fit, where each alone goes beyond its own.
 
     Each by the same share of what its tolerance leaves it, the least that does, in three digits; none where none does.
