@@ -670,3 +670,8 @@ def test_other_goals_were_refused_where_features_were_named():
     """Goals "touch" and "clear" track none."""
     asked = problems("keyway")["A bottom and wall at once"].alternatives[0]
     assert {trial.change for trial in ClashSearch(asked).trials()} >= {'goal "touch"', 'goal "clear"'}
+
+
+def test_a_relaxation_that_ends_a_rounding_short_is_told_as_what_it_is() -> None:
+    found = LeastRelaxation(name="clearance", cures=True, by=0.0999999, value=0.1, unit="length")
+    assert str(found).startswith("clearance: by 0.1 to 0.1")

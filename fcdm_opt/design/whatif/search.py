@@ -99,7 +99,7 @@ class LeastRelaxation(PlainMotion):
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
         question = None if self.solution is None else self.solution.question
         lengths = question.unit if question else ""
-        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths)}"
+        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths, 5)}"
         done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths)}"
         amount = measured(self.amount, question.amount_unit if question else "")
         return f"{self.name}: {done}, amount {amount}" + (f" ({self.note})" if self.note else "")
@@ -411,7 +411,6 @@ class ClashSearch:
             free = every if several else {"motion": Free(), "weights": None, "published": None}
             change = f"{'all motions' if several else 'motion'} free = true"
             yield Trial(change=change, solution=self.solved(bare.changed(**free, amount="weighted")))
-        untracked = {"contacts": None, "features": None}
         for goal in () if several else ("touch", "clear"):
             if goal != self.problem.goal:
-                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, **untracked)))
+                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, features=None)))
