@@ -286,7 +286,8 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
         of = "of all but closed contacts, " * stack.is_outside_limits_when_closed
         print_text(of + share.share_text + f", {spread.share:.4%} by root sum square" * usual)
     if stack.known_to:
-        shares = f"between {share.share_low:.4%} and {share.share_high:.4%}, and " * limited
+        low, high = f"{share.share_low:.4%}", f"{share.share_high:.4%}"
+        shares = f"{low if low == high else f'between {low} and {high}'}, and " * limited
         ends = f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         print_text(f"of the true parts {shares}worst cases from {ends}")
     if note := another_decides(spread):

@@ -437,7 +437,7 @@ def _pair_state(solution: Bounded, off: str = "") -> str:
 def _solved(name: str, solution: Bounded) -> dict[str, str]:
     return {
         "": name,
-        "asked": _question_text(solution.question),
+        "asked": wrapped(_question_text(solution.question), 3 * CELL_WIDTH),
         "amount": texts.amount_text(texts.seen_amount(solution)),
         "motion": texts.motion_text(solution, unit=False),
         "pair made": _pair_state(solution),

@@ -365,7 +365,7 @@ def _changes(problem: Problem) -> list[str]:
     """Return in words which limits, together, or which size let the parts fit, and up to what; the first are limits."""
     from fcdm_opt.design.whatif.fitting import (
         beyond_tolerance,
-        mending_jointly,
+        mending_combination,
         mending_sizes,
         rounded_on,
         widened_limits,
@@ -379,15 +379,15 @@ def _changes(problem: Problem) -> list[str]:
         wider.append(f"the {f'limits of {own.parameter}' if held else own.name} to {measured(number(rounded), unit)}")
     sizes = {own.name: own for own in problem.sizes}
 
-    def change(name: str, value: float) -> str:
+    def in_words(name: str, value: float) -> str:
         beyond = ", beyond its tolerance" * (beyond_tolerance(problem, name, value) > 0.0)
         return (
             f"{name} (to {sizes[name].deviation_text(value, problem.unit)}{beyond})" if math.isfinite(value) else name
         )
 
-    changed = listed([change(*own) for own in mending_sizes(problem).items()], "or")
-    if several := [change(*own) for own in mending_jointly(problem).items()]:
-        changed += f", or, within their tolerances, {listed(several)} together"
+    changed = listed([in_words(*own) for own in mending_sizes(problem).items()], "or")
+    if combined := [in_words(*own) for own in mending_combination(problem).items()]:
+        changed += f", or, within their tolerances, {listed(combined)} together"
     return [f"widen {listed(wider)}"] * bool(wider) + [f"change {changed}"] * bool(changed)
 
 

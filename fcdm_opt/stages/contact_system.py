@@ -94,7 +94,7 @@ def contact_system(task: Task) -> Answer | None:
     return Answer(status, None, stage, bound, told, last=True)
 
 
-def _with_only_shifts(task: Task) -> tuple[Task | None, Flags]:
+def _of_shifts(task: Task) -> tuple[Task | None, Flags]:
     """Return the task with the shifts alone of its parameters that may change, and which do; None where some turn."""
     moving = (task.limits != 0).any(axis=1)
     directions = [own for own, some in zip(task.motion.shift_directions, moving, strict=True) if some]
@@ -108,12 +108,12 @@ def _with_only_shifts(task: Task) -> tuple[Task | None, Flags]:
 def _by_shifts(task: Task) -> Answer | None:
     """Answer a task whose one turn would tilt a face that stays flush: exact, as of shifts; None for any other."""
     turning, whole = task.spins.any(axis=1) & (task.limits != 0).any(axis=1), [own for own in task.seats if own.whole]
-    one_turn = turning.sum() == 1 and isinstance(task.motion.owners[turning.argmax()], Rotation) and task.weighted
-    if not (one_turn and whole and (task.start[turning] == 0.0).all()):
+    applies = turning.sum() == 1 and isinstance(task.motion.owners[turning.argmax()], Rotation) and task.weighted
+    if not (applies and whole and (task.start[turning] == 0.0).all()):
         return None
     still = turning & held(whole, task.motion, task.movable, task.static)
     task = replace(task, limits=np.where(still[:, None], 0.0, task.limits))
-    shifted, moving = _with_only_shifts(task)
+    shifted, moving = _of_shifts(task)
     answer = None if shifted is None else contact_system(shifted)
     if answer is None:
         return None
@@ -170,7 +170,7 @@ def among_others(task: Task) -> Answer | None:
 
     None where that is not sure, and where parameters that may change turn.
     """
-    shifted, moving = _with_only_shifts(task)
+    shifted, moving = _of_shifts(task)
     if task.goal == "beyond" or shifted is None:
         return None
     if task.goal == "touch" and not task.keep_out and task.gap(task.rest) <= 0.0 and task.allows(task.rest):

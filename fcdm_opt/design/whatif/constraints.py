@@ -137,7 +137,7 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
 
     def changed(problem: Problem, by: float) -> Problem:
         left = [own.label for own in problem.contacts if own != feature]
-        return problem.changed(contacts=left) if left else problem.changed(contacts=None, goal="clear")
+        return problem.changed(contacts=left) if left else problem.changed(goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
         if problem.goal == FIT:

@@ -279,7 +279,7 @@ def beyond_tolerance(problem: Problem, name: str, value: float) -> float:
     return max(low - value, value - high, 0.0 * value)
 
 
-def mending_jointly(problem: Problem) -> dict[str, float]:
+def mending_combination(problem: Problem) -> dict[str, float]:
     """Return sizes which together, within their tolerances, let the parts fit, where each alone goes beyond its own.
 
     Each by the same share of what its tolerance leaves it, the least that does, in three digits; none where none does.

@@ -413,7 +413,6 @@ class ClashSearch:
             free = every if several else {"motion": Free(), "weights": None, "published": None}
             change = f"{'all motions' if several else 'motion'} free = true"
             yield Trial(change=change, solution=self.solved(bare.changed(**free, amount="weighted")))
-        untracked = {"contacts": None, "features": None}
         for goal in () if several else ("touch", "clear"):
             if goal != self.problem.goal:
-                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, **untracked)))
+                yield Trial(change=f'goal "{goal}"', solution=self.solved(bare.changed(goal=goal, features=None)))
