@@ -690,3 +690,8 @@ def test_what_is_alike_of_many_contacts_is_said_once_and_the_size_as_drawn_that_
     assert len(found.clashes) >= MANY
     assert len(lines) < 2 + len(found.clashes)
     assert f"to relax alone: none of {len(found.relaxations)} constraints cures it (without it: impossible)" in lines
+
+
+def test_a_relaxation_that_ends_a_rounding_short_is_told_as_what_it_is() -> None:
+    found = LeastRelaxation(name="clearance", cures=True, by=0.0999999, value=0.1, unit="length")
+    assert str(found).startswith("clearance: by 0.1 to 0.1")

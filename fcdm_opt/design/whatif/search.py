@@ -100,7 +100,7 @@ class LeastRelaxation(PlainMotion):
         question = None if self.solution is None else self.solution.question
         lengths, slack = (question.unit, question.contact_slack) if question else ("", 0.0)
         error = (self.unit == "length") * slack + DEFAULT.requirement * self.by
-        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths, error)}"
+        done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths, error, 5)}"
         done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths, error)}"
         amount = measured(self.amount, question.amount_unit if question else "")
         return f"{self.name}: {done}, amount {amount}" + (f" ({self.note})" if self.note else "")
