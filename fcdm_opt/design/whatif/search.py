@@ -99,7 +99,7 @@ class LeastRelaxation(PlainMotion):
             return f"{self.name}: cures nothing alone" + (f" ({self.note})" if self.note else "")
         question = None if self.solution is None else self.solution.question
         lengths, slack = (question.unit, question.contact_slack) if question else ("", 0.0)
-        error = (self.unit == "length") * slack + DEFAULT.requirement * self.by
+        error = (self.unit == "length") * 2.0 * slack + DEFAULT.requirement * self.by  # as `_bracketed` narrows it in
         done = "drop it" if math.isinf(self.by) else f"by {_relaxed_text(self.by, self.unit, lengths, error, 5)}"
         done += "" if math.isnan(self.value) else f" to {_relaxed_text(self.value, self.unit, lengths, error)}"
         amount = measured(self.amount, question.amount_unit if question else "")
