@@ -41,7 +41,6 @@ from fcdm_opt.problem.fit import FAR, MATING, verdict
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.solver import solve
-from fcdm_opt.stages.contact_system import excluding_contacts
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT: Unit = "mm"
@@ -313,10 +312,7 @@ def _why_not(solution: Solution) -> str:
     """
     if widths := verdict(solution.problem):
         return f"{widths[:1].upper()}{widths[1:]}."
-    problem = solution.problem
-    names = [own.in_words(problem.movable, problem.static) for own in problem.contacts]
-    groups = ["; ".join(names[k] for k in group) for group in excluding_contacts(problem)]
-    return " ".join([solution.advice, *(f"No motion closes at once: {own}." for own in groups)])
+    return f"{solution.advice} {solution.reason[:1].upper()}{solution.reason[1:]}".strip()
 
 
 def _remedy(situation: Situation, unit: Any) -> str:

@@ -38,7 +38,7 @@ from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import largest_ball, volume_and_centroid
 from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
-from fcdm_opt.geometry.polygons import fans, normals_of
+from fcdm_opt.geometry.polygons import fans, normals_of, uncovered
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces, true_centroid
@@ -607,13 +607,12 @@ class Body(_Sealed, NotebookRepr):
         rows = np.flatnonzero(heights >= heights.max() - slack)
         if len(rows) > 2 and (k := next((k for k, loop in enumerate(own.loops) if {*rows} <= {*loop}), -1)) >= 0:
             return own.elements["F"][k].kind == "F" and self.owns(own.elements["F"][k])
-        points = np.vstack([own.vertices[rows], own.vertices[rows].mean(axis=0)])
-        bounding = np.ones(len(points), bool)
-        for other in (self.full_body or self).parts:
-            if other is not own:
-                holds = (points @ other.normals.T - other.levels).max(axis=1) <= slack
-                bounding &= ~(holds & ((other.vertices @ normal).max() > points @ normal + slack))
-        return bool(bounding.any())
+        further = [
+            (other.normals, other.levels) for other in (self.full_body or self).parts
+            if other is not own and (other.vertices @ normal).max() > heights.max() + slack
+        ]  # fmt: skip
+        points = own.vertices[rows]
+        return any(uncovered(shape, further, slack) for shape in ([points] if len(rows) == 2 else points[:, None]))
 
     def piece_of(self, element: Element) -> PointPiece | None:
         """Return the piece at a point of a round face that an element is of; None of others."""

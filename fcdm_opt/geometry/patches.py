@@ -573,7 +573,7 @@ def _on_both_bodies(
     gap, normal = patch.gaps(x)
     foot = x - gap[:, None] * normal
     kept = other.covers(against, foot) & (np.abs(gap) <= band)
-    if on:  # it is between the normals of its faces that it comes nearest: else one of these does so beside it
+    if len(on) == 1 or (on and not other.faces.is_round[against]):  # nearest between the normals of its faces
         normals = np.stack([own.patches[k].gaps(x)[1] for k in on], axis=1)
         shares = inverse_of(normals @ normals.transpose(0, 2, 1)) @ (normals @ normal[:, :, None])
         kept &= (shares[..., 0] < DEFAULT.sharp).all(axis=1)

@@ -5,7 +5,7 @@ Lengths here are in the mesh's own unit; `slack` is the length below which its p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -69,6 +69,24 @@ def clipped(polygon: Array, heights: Array) -> Array:
         if height >= 0:
             kept.append(polygon[k])
     return np.array(kept) if kept else polygon[:0]
+
+
+def uncovered(polygon: Array, solids: Iterable[tuple[Array, Array]], slack: float) -> list[Array]:
+    """Return what of a convex polygon, a segment or a point lies in none of some convex solids, in pieces of its kind.
+
+    `solids`: outward normals, (k, 3), and levels, (k,), of the planes of each; off it by no more than a slack is in.
+    """
+    pieces = [polygon]
+    for normals, levels in solids:
+        rest = list[Array]()
+        for within in pieces:
+            for n, level in zip(normals, levels, strict=True):
+                heights = within @ n - level
+                if len(within) and heights.max() > slack:
+                    rest.append(clipped(within, heights))
+                    within = clipped(within, -heights)
+        pieces = rest
+    return pieces
 
 
 def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:

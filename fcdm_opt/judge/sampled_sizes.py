@@ -23,7 +23,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.collision import scaled_pair
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.patches import true_faces
-from fcdm_opt.geometry.polygons import clipped
+from fcdm_opt.geometry.polygons import clipped, uncovered
 from fcdm_opt.geometry.resizing import each_resized
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.certificate import _at_most, solids_gap, true_gap
@@ -254,11 +254,10 @@ class _Solids:
         patch = face
         for n, level in zip(other.normals, other.levels, strict=True):
             patch = clipped(patch, level + slack - (patch + step) @ n)
-        middle = patch.mean(axis=0) if len(patch) else face[0]
-        points = np.vstack([middle, (patch + middle) / 2.0])  # inside of what is nearest, whose rim others may share
-        points += INWARDS * (face.mean(axis=0) - points) + STEP * slack * direction
-        heights = np.array([(points @ part.normals.T - part.levels).max(axis=1) for part in solid.parts])
-        return not len(patch) or bool((heights.min(axis=0) > slack).any())
+        if not len(patch):
+            return True
+        patch = patch + INWARDS * (face.mean(axis=0) - patch) + STEP * slack * direction  # whose rim others may share
+        return bool(uncovered(patch, ((part.normals, part.levels) for part in solid.parts), slack))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -17,7 +17,6 @@ from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import is_round, told_element, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
-from fcdm_opt.motion.motions import Rotation, Translation
 from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
 from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
@@ -333,14 +332,12 @@ def sure_text(solution: Solution) -> str:
 
 def _sliding_contact(solution: Solution) -> str:
     """Return that no motion opens the contact, where bodies only slide on plane faces that touch as drawn."""
-    problem, motion = solution.problem, solution.problem.motion
-    steps = [step for step in motion.steps if isinstance(step, Translation | Rotation)]
-    asked = problem.goal in ("touch", "at", "seat") and (motion.shifts or len(steps) == len(motion.steps))
+    problem = solution.problem
+    asked = problem.goal in ("touch", "at", "seat")
     if not asked or solution.pair_state != "touching" or not solution.features:
         return ""
-    shifts = [own.direction for own in steps if isinstance(own, Translation)]
-    moved = motion.ways(problem.movable.seed, problem.static.seed) if motion.shifts else np.reshape(shifts, (-1, 3))
-    turns = np.reshape([own.direction for own in steps if isinstance(own, Rotation)], (-1, 3))
+    motion, rest = problem.motion.kinematics(problem.movable.seed, problem.static.seed), np.zeros(len(problem.weights))
+    rates = motion.rates(rest)[1][:, :3]
     for feature in solution.features:
         sides = (feature.one, problem.movable), (feature.two, problem.static)
         flat = [pair for pair in sides if pair[0].kind == "F" and not is_round(told_element(pair[1], pair[0]))]
@@ -348,8 +345,8 @@ def _sliding_contact(solution: Solution) -> str:
             return ""
         corners = flat[0][1].vertices[np.array(flat[0][0].vertices) - 1]
         normal = np.linalg.svd(corners - corners.mean(axis=0))[2][2]
-        off = np.abs(moved @ normal).max(initial=0.0) > DEFAULT.nominal * np.abs(moved).max(initial=0.0)
-        if off or np.abs(np.cross(turns, normal)).max(initial=0.0) > DEFAULT.nominal:
+        speeds = np.pad(corners, ((0, 0), (0, 1)), constant_values=1.0) @ rates.transpose(0, 2, 1)  # by each parameter
+        if np.abs(speeds @ normal).max() > DEFAULT.nominal * np.abs(speeds).max():
             return ""
     return (
         "this motion only slides the parts on each other, whatever else is near: range and pose tell the play there; "

@@ -6,6 +6,8 @@ is that of the hook and the bar's side.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -151,3 +153,37 @@ def test_a_tool_far_from_any_contact_leaves_the_gap_as_it_is(tool):
     assert best.worst_gap == pytest.approx(0.15, abs=1e-6)
     assert fo.verify(stack).passed
     assert best.passed
+
+
+def test_what_is_covered_is_known_for_every_point_of_it() -> None:
+    """The judge refused a stack-up of a plate with a pocket; an edge bare between two blocks was taken for covered."""
+
+    def block(low, high) -> fo.Body:
+        return fo.Box(np.subtract(high, low), centre=np.add(low, high) / 2.0)
+
+    plate = fo.cut(block((-3, 0, 0), (3, 4, 1)), block((0.9, 1.8, -0.1), (2.4, 2.7, 0.3)))
+    bed = fo.joined(
+        block((-2, 0, -3), (2, 4, 0)), block((-9, -1, -4), (9, 5, -3)), block((4, 0, -3.5), (5, 4, 2)), name="bed"
+    )
+    sizes = [fo.Size("stop", "static", faces={"through": (4, 2.1, 0.5)}, tolerance=0.1)]
+    asked = {"goal": "touch", "motion": fo.Translation("x"), "made": {}}
+    pocketed = fo.stack_up(fo.Problem(plate, bed, sizes=sizes, **asked))
+    assert (pocketed.worst().least, pocketed.worst().largest) == pytest.approx((0.3, 0.3))  # of its ceiling
+    assert fo.verify(pocketed).passed
+
+    def corners(low, high) -> list[tuple[float, ...]]:
+        return [*product(*zip(low, high, strict=True))]
+
+    ridge = [*product((3,), (0, 8), (1, 3)), (4, 0, 2), (4, 8, 2)]
+    covers = [corners((3, 0, 1), (4.5, 1, 3)), corners((3, 4, 1), (4.5, 8, 3))]
+    slide = fo.Body.from_parts([corners((-3, 0, 0), (3, 8, 3)), ridge, *covers], seed=(0, 4, 0.5))
+    post = corners((4.2, 1.3, 0), (6, 3.2, 3))
+    floor = fo.Body.from_parts(
+        [corners((-5, -2, -1), (9, 10, 0)), post, corners((6, -1, -1), (7, 9, 3))], seed=(0, 4, -1)
+    )
+    sizes = [fo.Size("post", "static", faces={"through": (4.2, 2, 1)}, tolerance=0.05)]
+    problem = fo.Problem(slide, floor, sizes=sizes, **asked)
+    stack = fo.stack_up(problem)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.15, 0.25))  # before the bare edge
+    assert fo.verify(stack).passed
+    assert problem.changed(made="worst").made == {"post": pytest.approx(0.05)}

@@ -97,7 +97,7 @@ def test_a_range_refuses_keep_outs_that_it_cannot_answer_for() -> None:
 
 def test_what_a_range_cannot_answer_leaves_the_rest_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """As of a keep-out with a clearance where it is not known how fast a motion moves corners."""
-    monkeypatch.setattr("fcdm_opt.along.contact_times.moving_at_most", lambda *own: lambda *ends: (None, np.inf))
+    monkeypatch.setattr("fcdm_opt.along.true_overlaps.moving_at_most", lambda *own: lambda *ends: (None, np.inf))
     asked = ["range", str(PROBLEMS / "bracket.toml"), "--case", "A flush above the ribs", "--json"]
     (case,) = json.loads(CliRunner().invoke(app, asked).stdout)["files"][0]["cases"]
     assert case["events"]

@@ -200,7 +200,7 @@ def test_a_size_beyond_its_tolerance_was_no_cure() -> None:
         sizes=sizes, made={"peg": 0.3}, goal="clear", motion=fo.Translation("x"), unit="mm",
     )  # fmt: skip
     solution = fo.solve(asked)
-    assert advised(SolvedCase(solution)) == "Change peg (to +0.2 mm) or slot (to +0.1 mm)."
+    assert advised(SolvedCase(solution)) == "Change peg (to +0.2 mm, beyond its tolerance) or slot (to +0.1 mm)."
     found = fo.conflicts(solution)
     assert found.sizes == pytest.approx({"peg": 0.2, "slot": 0.1})
     assert "to change alone: peg to +0.2 mm\nto change alone: slot to +0.1 mm" in str(found)

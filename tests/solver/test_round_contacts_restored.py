@@ -206,7 +206,7 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     assert turned.parameters["TX"] == pytest.approx(off / 2 / sin(half), rel=1e-9)
     assert turned.lower_bound == pytest.approx(turned.amount, rel=2e-6)
     for other in ({"resolution": 0.01}, {"amount": "displacement"}):
-        with pytest.raises(fo.InputError, match="nominal"):  # of these only facets are followed
+        with pytest.raises(fo.InputError, match="between their facets"):  # of these only facets are followed
             fo.Problem(roller, v_block(half, 5.0), **{**asked, **other}, made={"diameter": off})
     apart = fo.Cylinder(5.0, 30.0, base=(0.01, 0, -5), name="roller")
     with pytest.raises(fo.InputError, match="nominal"):
