@@ -712,8 +712,9 @@ def test_what_is_drawn_how_lay_on_the_answer_of_four_contacts_on_paper(browser, 
     assert two[1] == opened.page.locator(".insets svg").first.bounding_box()["y"]
     assert min(two[2], four[2]) > 0.9 * 390
     opened.page.set_viewport_size({"width": 1280, "height": 900})
-    motions, contacts = opened.page.locator(".answer .pair > div").evaluate_all(corner)
-    assert (motions[1], contacts[0] > motions[0]) == (contacts[1], True)  # tables side by side, none in one column
+    scene, insets, motions = opened.page.locator(".told table, .answer .scene, .insets").evaluate_all(corner)
+    assert motions[2] < scene[0]  # what moves stands next to the picture
+    assert motions[1] < insets[1]
     for size, width, height in (("A4", 718, 1040), ("Letter", 740, 980)):
         opened.page.set_viewport_size({"width": width, "height": height})
         with on_paper(opened, "sheets") as pages:
