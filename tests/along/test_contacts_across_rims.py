@@ -111,7 +111,7 @@ def test_times_of_facets_tell_how_far_they_may_be_off():
     assert times.to_dict()["known_to"] == [line]
 
 
-@pytest.mark.parametrize("facets", [16, 32])
+@pytest.mark.parametrize("facets", [16, pytest.param(32, marks=pytest.mark.slow)])
 def test_a_flush_pad_was_told_to_turn_until_its_coaxial_shank_met_the_bore(facets):
     """It lies on its base and turns in it until a corner meets a wall: 10 cos t + 4 sin t = 10.1."""
     slab = fo.Box((20, 8, 4), centre=(0, 0, 2))

@@ -465,6 +465,7 @@ def test_the_worst_corner_left_out_the_contact_with_more_gap() -> None:
     assert found["worst"].to_dict()["corner"] == "the sizes with the least gap at rest"
 
 
+@pytest.mark.slow
 def test_sizes_of_an_assembly_that_jam_against_each_other_were_good_all_low_and_all_high() -> None:
     """A plate on a post of 20, .1 over another, and five sizes: one post at -t and one at +t jam beyond .05.
 

@@ -42,9 +42,9 @@ def pinned(*, motion: fo.Motion = X >> Y >> Z) -> fo.Assembly:
     ("of", "drawn", "moved"),
     [
         (("cap", "plate"), 4.0, {"head": 1.0}),
-        (("cap", "pin"), 0.0, {"head": -1.0, "cap": -1.0}),
+        pytest.param(("cap", "pin"), 0.0, {"head": -1.0, "cap": -1.0}, marks=pytest.mark.slow),
         (("pin", "wall"), 0.5, {"at": -1.0}),
-        (("pin", "plate"), 0.0, {"d": -0.5, "D": 0.5}),
+        pytest.param(("pin", "plate"), 0.0, {"d": -0.5, "D": 0.5}, marks=pytest.mark.slow),
     ],
 )
 def test_a_shaft_as_wide_as_its_bore_left_no_stack_up_but_its_own(of, drawn, moved) -> None:

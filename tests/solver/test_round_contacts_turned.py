@@ -127,7 +127,8 @@ def test_the_amount_of_a_coupling_changes_with_its_sizes_as_differences_do() -> 
     assert rate == pytest.approx((amount(step) - amount(-step)) / (2 * step), rel=1e-5)
 
 
-@pytest.mark.parametrize("turned", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("turned", [0.0, 0.3])
 def test_a_stack_up_counts_each_ball_of_a_coupling(turned: float) -> None:
     """Corners of facets that are on their sphere were taken for such within it: one ball of three had no row."""
     pose = np.eye(4)

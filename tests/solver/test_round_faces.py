@@ -476,6 +476,7 @@ def test_less_than_any_motion_of_several_parameters_was_bracketed_as_coarsely_as
     assert solution.amount_low >= (1.0 - 1e-4) * solution.amount
 
 
+@pytest.mark.slow
 def test_no_more_is_shown_of_motions_that_turn_than_is_true() -> None:
     """Asked to show half as much again as a motion that makes them touch: a ball and a cone, a ring and a bar."""
     pose = np.eye(4)
@@ -1185,6 +1186,7 @@ def test_what_is_apart_is_told_by_its_distance_not_along_a_face() -> None:
     assert solution.pair_gap == pytest.approx(math.sqrt(0.75), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_clearance_that_a_bore_does_not_leave_was_told_to_be_open_on_true_faces() -> None:
     """Radii of 4.98 and 5 leave .02 all around, and .021 nowhere within the bore: sideways lies the way out."""
     solution = fo.solve(asked(pin(4.98, facets=96), plate(5.0, wide=12.0), X >> Y, goal="clear", clearance=0.021))
