@@ -418,6 +418,13 @@ def _holds(region: Array, point: Array, slack: float) -> bool:
     return bool(level and (turns @ normal >= -slack * lengths * size).all())
 
 
+NARROWEST = 0.5
+"""Times the length `least`: no width of a region of `dimension` 2 is less.
+
+It holds a triangle with a base of b, the farthest from its corner, a height above `least`, and no side above 2 b.
+"""
+
+
 def dimension(points: Array, least: float) -> int:
     """Return 0 for points no more than a length apart, 1 for a segment, 2 for what is wider than the length."""
     spokes = points - points[0]

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
+from fcdm_opt.curve.contact import NARROWEST
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.problem.contacts_restored import BallOnFace, contact_balls
@@ -42,7 +43,6 @@ ROUNDED = 1.0 - 1e-12  # more than the rounding of sums
 LEAST = 1e-7  # share of its length that a row of derivatives adds to those taken before it
 MOST_CROSSED = 40_000  # pairs of edges of two parts, whose directions are looked at
 MOST_BRANCHES = 2000  # of directions along which parts are apart
-SHARED = 0.25  # times `Flush.least`: as wide is what faces share along any direction in their plane
 
 Problems = Sequence[Problem]
 
@@ -152,7 +152,7 @@ def none_shorter(problems: Problems, least: float) -> bool:
             flush = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
             if flush is not None and flush.dimension == 2 and len(joint.carriers) == 1:
                 rows, normals = met[joint.carriers[0]]
-                wide = SHARED * flush.least * np.linalg.norm(np.cross(normals, flush.normal), axis=1)
+                wide = NARROWEST * flush.least * np.linalg.norm(np.cross(normals, flush.normal), axis=1)
                 held.append(rows + np.outer(wide, np.append(rest, 1.0 / least)))
             else:
                 alternatives.append([met[own][0] for own in joint.carriers])

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt import pacing
-from fcdm_opt.curve.contact import facing, supporting_contact
+from fcdm_opt.curve.contact import NARROWEST, facing, supporting_contact
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.measures import norms
@@ -52,9 +52,7 @@ AROUND = 4.0  # times the amount so far: how far off what may come too near is l
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
 TO_AND_FRO = 0.5  # of a step, from which on the next is turned back
 SETTLED = 1e-6  # step to and fro about a least gap, in sizes: the gap is known to the square of it
-# times the width that flush faces must share: what they do wherever they share it, by `dimension`, and what they are to
-# where the least motion leaves no more than a border
-LEAST_SHARED, OVERLAID = 0.5, 2.0
+OVERLAID = 2.0  # times the width that flush faces must share, where the least motion leaves no more than a border
 OVERLAP_COUNTS = 10.0  # times what a gap does, in comparing motions on the way
 SHARES = (0.3, 0.6, 0.8, 0.9, 0.95, 0.99, 1 - 1e-4, 1 - 1e-6, 1 - 1e-9)  # of an amount, to be proved
 BOXES = (1.0, 2.0, 4.0, 16.0, 64.0)  # below which no motion is sought, in amounts
@@ -534,7 +532,7 @@ class System:
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
         for seat in self.task.seats:
-            if seat.parts == parts and (seat.dimension > 1 or shared > LEAST_SHARED):
+            if seat.parts == parts and (seat.dimension > 1 or shared > NARROWEST):
                 across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
                 width = shared * seat.least / self.task.size
                 over = np.where(across > DEFAULT.sharp, np.maximum(over, across * width), over)
@@ -687,7 +685,7 @@ def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | No
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
                 found, _ = least(systems, shared=OVERLAID)
                 if found is None:  # of less than that there may be some
-                    bound = max(bound, least(systems, shared=LEAST_SHARED)[1])
+                    bound = max(bound, least(systems, shared=NARROWEST)[1])
                 return found, bound
             return None, bound
         blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
