@@ -134,6 +134,8 @@ class ContactTimes(ShortRepr, Plain):
             lines.append(", ".join([f"{name}: {first}", *later]))
         low, high = map(number_text, self.searched)
         lines += [f"of facets: {line}" for line in self.known_to]
+        if not (self.proved or self.known_to):
+            lines.append("not proved: looked at place by place, between which a short overlap may be missed")
         return "\n".join([*lines, f"looked at from x = {low} to x = {high}, no further"])
 
     def state_text(self, name: str, span: StateSpan) -> str:

@@ -252,7 +252,8 @@ class TrueFaces:
         rim = self.rims[plane, other]
         along, off, out = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.ends.mean(axis=1), units(rim.bows)
         heights, aside = (off * out).sum(axis=-1), np.abs((off * units(along)).sum(axis=-1))
-        found = (heights >= -np.abs(near)) & (heights <= BOWED * norms(rim.bows) + np.abs(near))
+        strip = np.abs(near) + 2.0 * RIM_SLACK * self.body.size  # which triangles are taken to go on for
+        found = (heights >= -strip) & (heights <= BOWED * norms(rim.bows) + np.abs(near))
         found &= 2.0 * aside <= norms(along) + 2.0 * np.abs(near)
         rows, which = np.nonzero(found)
         to_rim = onto(points[rows], [self.patches[k].surface for k in (plane, other)]) - points[rows]
@@ -510,7 +511,13 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
         starts = [_starts(each, other, key[-1]) for each, key in zip(pieces, keys.tolist(), strict=True)]
         patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
         extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
-        for (*on, against), x in zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True):
+        each = [*zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True)]
+        for (*on, against), x in each:
+            level = other.patches[against].surface
+            if level.flat and any(own.patches[k].surface.flat and _parallel(own.patches[k].surface, level) for k in on):
+                # gaps are alike along it: what of a rim is over the plane may be where it is deepest in a hole there
+                deepest = (y for (*edge, hole), y in each if edge == on and (against, hole) in other.faces.rims)
+                x = np.concatenate([x, *deepest])
             found = _on_both_bodies(x, own, on, other, against, band)
             if len(found[0]):
                 yield found

@@ -23,6 +23,7 @@ from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, devi
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
 from fcdm_opt.model.task import Answer, Task
+from fcdm_opt.problem.active_parts import moving_at_most
 from fcdm_opt.problem.contacts_restored import touching_again
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -262,7 +263,7 @@ class Exchange:
         The same motion where they do not overlap; None where that is not found.
         """
         # by Newton's method: exchanges alone leave a share of the overlap each, where corners slide along round faces
-        x = known = 0.0
+        x = known = level = 0.0
         for turn in range(STEPS):
             gap, slope = self.gap_and_slope(q + x * along, along, self._slack)
             if not turn and gap >= -self._slack:
@@ -272,8 +273,10 @@ class Exchange:
             if gap == self._slack:  # none are so near
                 x = (x + known) / 2.0
                 continue
-            if not slope:
-                break
+            if abs(slope) <= DEFAULT.nominal:  # as of a plane that slides on one: to either side, until rims tell
+                level = -2.0 * level or gap / moving_at_most(self.facets, along, self.facets.target)(0.0, 1.0)[1]
+                x = known + level
+                continue
             known, x = x, x - gap / slope
         return None
 

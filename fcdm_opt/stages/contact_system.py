@@ -87,6 +87,12 @@ def contact_system(task: Task) -> Answer | None:
     z, bound = least([own])
     if z is not None:
         return _answered(own, z, bound)
+    turning = np.asarray(task.spins.any(axis=1))
+    at_rest = (task.start[turning] == 0.0).all()
+    if turning.any() and at_rest and task.weighted and np.isfinite(bound):  # a larger one rather than none
+        found = _held(task, turning)
+        if found is not None and found.q is not None:
+            return replace(found, amount=task.amount(found.q), lower_bound=task.displacement_bound, stage=NEWTON)
     stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
     status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, task.displacement_bound)
     return Answer(status, None, stage, bound, told, last=True)
@@ -109,14 +115,19 @@ def _by_shifts(task: Task) -> Answer | None:
     applies = turning.sum() == 1 and isinstance(task.motion.owners[turning.argmax()], Rotation) and task.weighted
     if not (applies and whole and (task.start[turning] == 0.0).all()):
         return None
-    still = turning & held(whole, task.motion, task.movable, task.static)
+    answer = _held(task, turning & held(whole, task.motion, task.movable, task.static))
+    if answer is not None and answer.q is None:  # its parameters have other names
+        return replace(answer, active=_Told([System.of(task)], [""]).sentences())
+    return answer
+
+
+def _held(task: Task, still: Flags) -> Answer | None:
+    """Return the answer where some parameters stay at zero and the others shift; None where any turns or may not."""
     task = replace(task, limits=np.where(still[:, None], 0.0, task.limits))
     shifted, moving = _of_shifts(task)
     answer = None if shifted is None else contact_system(shifted)
-    if answer is None:
-        return None
-    if answer.q is None:  # its parameters have other names
-        return replace(answer, active=_Told([System.of(task)], [""]).sentences())
+    if answer is None or answer.q is None:
+        return answer
     q = task.rest
     q[moving] = answer.q
     return replace(answer, q=q)
@@ -620,6 +631,7 @@ def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | No
     touching, length = [own for own in systems if own.touching], 0.0
     clearances = [ForbiddenShifts(own.task) for own in systems]
     moving, trusted, last, bound = systems[0].moving, np.inf, np.zeros(len(z)), 0.0
+    carried = exact and shared > 0.0  # whether elements in contact are kept on each other
     for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         pacing.check()
         q = systems[0].q(z)
@@ -629,7 +641,7 @@ def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | No
         if only and not blocked:  # what no motion is left to part needs no way apart
             found, complete = nearest_on(slopes, slopes @ z - values, systems[0].limits(), Choices.of([], len(z)))
         else:
-            closing = systems if exact and blocked else touching
+            closing = systems if carried else touching
             choices = Choices.of([], len(z)).and_also(
                 *(
                     own.separating_directions([parts for j, parts in sorted(blocked) if j == k], q, clearances[k])
@@ -680,6 +692,9 @@ def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | No
         if only:
             return None, bound if all(own.meets(q, DEFAULT.line) for own in systems) else np.inf
         more = {(k, parts) for k, own in enumerate(systems) for parts in own.blocked(q, len(blocked))} - blocked
+        if not more and exact and not (carried or gaps_only):
+            carried = True
+            continue
         if not more:
             unseated = (System(replace(own.task, seats=()), own.features) for own in systems)
             if exact and not shared and all(own.meets(q, DEFAULT.requirement) for own in unseated):
@@ -688,7 +703,7 @@ def least(systems: Sequence[System], *, shared: float = 0.0) -> tuple[Array | No
                     bound = max(bound, least(systems, shared=NARROWEST)[1])
                 return found, bound
             return None, bound
-        blocked, trusted, last = blocked | more, np.inf, np.zeros(len(z))
+        blocked, carried, trusted, last = blocked | more, exact, np.inf, np.zeros(len(z))
     return None, bound
 
 

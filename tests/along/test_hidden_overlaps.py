@@ -133,3 +133,21 @@ def test_plain_data_of_a_range_of_facets_were_without_how_far_they_are_off():
     assert found.to_dict()["known_to"] == [line]
     assert f"round faces are followed as facets; {line}" in str(found)
     assert fo.CoherentRange.from_dict(found.to_dict(), found.problem).known_to == (line,)
+
+
+@pytest.mark.parametrize(
+    ("radius", "bore", "off", "deep"),
+    [(4.25, 5.776, 0.561, 0.00425), (4.97, 6.5, 0.85, 0.0009), (3.55, 4.31, -0.63, 0.0017)],
+)
+def test_a_peg_that_hardly_enters_its_bore_meets_the_rim_on_circles(radius, bore, off, deep):
+    """What it lies over of the plate past the rim is a lens that facets know nothing of, where it is narrow."""
+    plate = fo.cut(fo.Box((60, 60, 5), centre=(0, 0, -2.5)), fo.Cylinder(bore, 20, base=(0, 0, -10)))
+    peg = fo.Cylinder(radius, 5, base=(0, off, -deep))
+    times, far = (
+        fo.contact_times(asked(peg, plate, fo.Translation("x")), limit=10.0),
+        sqrt((bore - radius) ** 2 - off**2),
+    )
+    states, at = ends(times)
+    assert states == ["overlapping", "apart", "overlapping"]
+    assert at == pytest.approx([-far, far], abs=1e-9)
+    assert ("not proved" in str(times)) == (not times.proved)

@@ -965,3 +965,29 @@ def test_a_shift_along_both_flush_faces_kept_an_overlap_from_being_proved(goal: 
     assert past.usable
     assert past.parameters["TY"] == pytest.approx(3.0, abs=1e-9)
     assert past.lower_bound == pytest.approx(3.0, abs=1e-9)
+
+
+# ------------------------------------------------------------------------------------- a face that loses what it is on
+
+
+def face_off_its_pad(**asked: Any) -> fo.Solution:
+    """A block made half as wide, that then ends .5 in x and .25 in y from the pad that it stood on."""
+    block = fo.Box((6, 6, 4), centre=(3, 3, 2), name="block").with_seed((4, 4.5, 0))
+    pad = fo.Box((1, 1.5, 4), centre=(1, 1.25, -2), name="pad")
+    return fo.solve(fo.Problem(block, pad, target=(0.5, 1.0), goal="seat", **{"contacts": "all", **asked}))
+
+
+@pytest.mark.parametrize("motion", [SHIFTS, fo.Free()], ids=["shifts", "free"])
+def test_a_face_is_brought_back_onto_what_it_stands_on(motion):
+    found = face_off_its_pad(motion=motion)
+    assert found.parameters["TX"] == pytest.approx(-0.5, abs=2e-4)
+    assert found.parameters["TY"] == pytest.approx(-0.25, abs=2e-4)
+    assert found.amount == pytest.approx(math.hypot(0.5, 0.25), abs=1e-4)
+    assert found.lower_bound <= math.hypot(0.5, 0.25) * (1.0 + 1e-12)
+    if motion is SHIFTS:
+        assert found.lower_bound == pytest.approx(math.hypot(0.5, 0.25), rel=1e-9)
+        assert fo.verify(found, proof=True).passed
+
+
+def test_limits_short_of_it_are_proved_to_allow_none():
+    assert face_off_its_pad(motion=SHIFTS, limits={"TX": (-0.4, 2.0)}).status is Status.INFEASIBLE
