@@ -374,6 +374,7 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = answer or _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
     answer, evidence = _proved(problem, task, answer, how)
+    answer, evidence = _staying_in_fit(problem, task, answer, evidence, how)
     answer = balanced_on_true_faces(problem, task, answer, last=how.judge)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()
@@ -388,6 +389,35 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     solution, certificate = judged(solution)
     watch.lap("verify")
     return solution.with_certificate(certificate, watch.seconds)
+
+
+def _staying_in_fit(
+    problem: Problem, task: Task, answer: Answer, evidence: ProofData | None, how: _How
+) -> tuple[Answer, ProofData | None]:
+    """Return an answer that stays in the fit where the one found leaves it, and what proves it; else that one.
+
+    As where a bar is lifted out of its tray that a turn lets in: the parameter that changes most is held, one after the
+    other.
+    """
+    found, held, shown = answer, task, None
+    while task.spins.any() and not task.joints and how.model == "auto" and found.q is not None:
+        if not outside_fit(reported(problem, task, found)):
+            break
+        most = int(np.abs(task.weights * found.q).argmax())
+        limits = np.where(np.arange(len(task.weights))[:, None] == most, 0.0, held.limits)
+        if not limits.any() or task.limits[most].prod() > 0.0:
+            return answer, evidence
+        held = replace(task, limits=limits)
+        found = _proved(problem, held, _least_motion(held, how.model), how._replace(certify=False, effort="quick"))[0]
+    if found is answer or found.q is None:
+        return answer, evidence
+    found = replace(found, lower_bound=min(answer.lower_bound, found.amount))
+    for asked in (held, task) if how.effort == "proved" else ():  # a smaller one may leave the fit again
+        again, proof = _proved(problem, asked, found, how._replace(certify=how.certify and asked is task))
+        if again.q is not None and not outside_fit(reported(problem, task, again)):
+            bound = min(again.lower_bound if asked is task else answer.lower_bound, again.amount)
+            found, shown = replace(again, lower_bound=bound), proof
+    return found, shown
 
 
 def _least_motion(task: Task, model: str) -> Answer:
