@@ -65,11 +65,15 @@ class PairRows(NamedTuple):
 
 
 class PlacedRow(NamedTuple):
-    """The row of two parts along a direction from body 1 to body 2, and where the second one begins along it."""
+    """How far two parts go along a direction from body 1 to body 2, and how that changes a unit of each size."""
 
     normal: Array
-    values: Array  # (1 + k,)
-    level: float
+    ends: Array  # (2, 1 + k): of the first one where it ends, of the second where it begins
+
+    @property
+    def gap(self) -> Array:
+        """How far apart the parts are along it, (1 + k,)."""
+        return self.ends[1] - self.ends[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +170,8 @@ class TouchingSizes:
 
         def placed_row(parts: tuple[int, int], n: Array) -> PlacedRow:
             one, two = (side[k] for side, k in zip(sides, parts, strict=True))
-            first, second = np.array([(one.points @ n).argmax()]), np.array([(two.points @ n).argmin()])
-            row = _heights(n[None], one, first, two, second)[0]
-            return PlacedRow(n, row, float(two.points[second[0]] @ n))
+            corners = (one, int((one.points @ n).argmax())), (two, int((two.points @ n).argmin()))
+            return PlacedRow(n, np.array([[part.points[k] @ n, *(n @ part.moves[k])] for part, k in corners]))
 
         while True:
             counted = _near_enough(sides, box, slack, without | behind)
@@ -654,11 +657,24 @@ def is_behind(
     slack = DEFAULT.tie * max(body.size for body in bodies)
     for own in closed:
         row = along(pair.parts, own.normal)
-        if np.abs(_ends(row.values[None], box)).max() <= slack and abs(row.level - own.level) <= slack:
+        if np.abs(_ends(np.array([row.gap, *(row.ends - own.ends)]), box)).max() <= slack:
             return True
-    (one, two), (i, j) = bodies, pair.parts
-    normals = _binding(pair, box).normals
-    return not any(one.is_bounded_by(i, n @ R) and two.is_bounded_by(j, -n) for n in normals)
+    parts = bodies[0].parts[pair.parts[0]], bodies[1].parts[pair.parts[1]]
+    turns = R, np.eye(3)
+
+    def facing(k: int, n: Array) -> tuple[Array, Array]:
+        """Return planes of the other part, moved onto part k along n, as far out as they are at any sizes."""
+        normals, sign = parts[1 - k].normals @ turns[1 - k].T, (1.0, -1.0)[k]
+        ends = np.array([[along(pair.parts, one * m).ends for m in normals] for one in (sign, -sign)])
+        most = ends[1, :, 0] - ends[1, :, 1] - (normals @ n)[:, None] * along(pair.parts, sign * n).gap
+        wide = ends[:, :, k].sum(axis=0) * sign
+        wide[:, 0] -= np.ptp(parts[k].vertices @ turns[k].T @ normals.T, axis=0)  # made it is not as wide as drawn
+        return normals @ turns[k], _ends(most, box)[1] + np.abs(_ends(wide, box)).max(axis=0)
+
+    def is_bounded(k: int, n: Array) -> bool:
+        return bodies[k].is_bounded_by(pair.parts[k], n @ turns[k], partial(facing, k, n))
+
+    return not any(is_bounded(0, n) and is_bounded(1, -n) for n in _binding(pair, box).normals)
 
 
 def _binding(pair: PairRows, box: Array) -> PairRows:

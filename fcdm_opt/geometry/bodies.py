@@ -38,7 +38,7 @@ from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import largest_ball, volume_and_centroid
 from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
 from fcdm_opt.geometry.packing import packed, packed_together
-from fcdm_opt.geometry.polygons import fans, normals_of, uncovered
+from fcdm_opt.geometry.polygons import clipped, fans, normals_of, uncovered
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.tessellation import RoundFaces, errors_of_faces, true_centroid
@@ -596,23 +596,28 @@ class Body(_Sealed, NotebookRepr):
             return bool(self.faces_with(element.vertices))
         return tuple(sorted(labels)) in self.face_rows
 
-    def is_bounded_by(self, part: int, normal: Array) -> bool:
+    def is_bounded_by(self, part: int, normal: Array, facing: Callable[[], tuple[Array, Array]]) -> bool:
         """Tell whether the solid is bounded along a normal where one of its parts is furthest along it.
 
-        A face does so if some of it is of the solid's; an edge or a vertex if at some point of it no other part goes
-        further, as parts do on a cut, at a concave edge, and on a face that goes on.
+        It is so where no other part goes further, as parts do on a cut, at a concave edge, and on a face that goes on:
+        at some point; of a face inside of planes `facing` it, normals (k, 3) and levels above the part's lowest corner.
         """
         own, slack = self.parts[part], DEFAULT.tie * self.size
         heights = own.vertices @ normal
         rows = np.flatnonzero(heights >= heights.max() - slack)
+        shapes = own.vertices[rows][None] if len(rows) == 2 else own.vertices[rows][:, None]
         if len(rows) > 2 and (k := next((k for k, loop in enumerate(own.loops) if {*rows} <= {*loop}), -1)) >= 0:
-            return own.elements["F"][k].kind == "F" and self.owns(own.elements["F"][k])
+            if own.elements["F"][k].kind != "F" or not self.owns(own.elements["F"][k]):
+                return False
+            face = own.vertices[list(own.loops[k])]
+            for n, level in zip(*facing(), strict=True):
+                face = clipped(face, level + (own.vertices @ n).min() + slack / 2.0 - face @ n)
+            shapes = face[None]
         further = [
             (other.normals, other.levels) for other in (self.full_body or self).parts
             if other is not own and (other.vertices @ normal).max() > heights.max() + slack
         ]  # fmt: skip
-        points = own.vertices[rows]
-        return any(uncovered(shape, further, slack) for shape in ([points] if len(rows) == 2 else points[:, None]))
+        return any(not len(shape) or uncovered(shape, further, slack) for shape in shapes)
 
     def piece_of(self, element: Element) -> PointPiece | None:
         """Return the piece at a point of a round face that an element is of; None of others."""

@@ -297,18 +297,21 @@ def _combined(
 ) -> Body:
     from manifold3d import Manifold, Mesh64
 
-    def solid(own: Body) -> Any:
+    for own in (body, *others):
         if not isinstance(own, Body):
             raise InputError("wrong kind of argument", key=what, found=type(own).__name__, allowed="a Body")
-        first, same = distinct_rows(own.face_triangles[0].reshape(-1, 3))
-        points = own.face_triangles[0].reshape(-1, 3)[first]
-        return Manifold(Mesh64(np.ascontiguousarray(points), np.ascontiguousarray(same.reshape(-1, 3), np.uint64)))
+    corners, planes = _apart((body, *others))
 
-    found = reduce(combine, map(solid, others), solid(body)).to_mesh64()
+    def solid(own: Array) -> Any:
+        first, same = distinct_rows(own)
+        rows = np.ascontiguousarray(same.reshape(-1, 3), np.uint64)
+        return Manifold(Mesh64(np.ascontiguousarray(own[first]), rows))
+
+    found = reduce(combine, map(solid, corners)).to_mesh64()
     points, triangles = np.array(found.vert_properties)[:, :3], np.array(found.tri_verts, np.int64)
     if not len(triangles):
         raise InputError("nothing is left of it", key=what, found=body.name)
-    points, surfaces = _onto_surfaces(points, triangles, (body, *others))
+    points, surfaces = _onto_surfaces(points, triangles, (body, *others), planes)
     mesh = checked_mesh(points, triangles, name=body.name if name is None else name)
     within = DEFAULT.cut * float(norms(np.ptp(points, axis=0)))
     middle = true_centroid(mesh.vertices[mesh.triangles], mesh.triangle_faces, Surfaces(tuple(surfaces), 0.0, within))
@@ -318,10 +321,44 @@ def _combined(
     return made if count < 2 else replace(made, notes=(*made.notes, f"{count} separate solids{SEVERAL}"))
 
 
-def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> tuple[Array, list[Swept]]:
+def _apart(bodies: Sequence[Body]) -> tuple[list[Array], Array]:
+    """Return the corners of the triangles of bodies, no plane faces of two of them hardly apart, and all their planes.
+
+    Between faces that only rounding keeps apart there would be sheets without thickness. The later body's is moved
+    outwards. Of each plane, (k, 5), its normal, how far along it it is, and where it belongs; none if all are there.
+    """
+    from scipy.spatial import cKDTree
+
+    size = float(norms(np.ptp(np.concatenate([own.vertices for own in bodies]), axis=0)))
+    slack = DEFAULT.touch * size + 2.0 * max(own.rounding for own in bodies)
+    planes, corners = np.empty((0, 5)), list[Array]()
+    for j, own in enumerate(bodies):
+        triangles, owners = own.face_triangles
+        normals, bases = own.face_planes
+        levels, points, faces = (normals * bases).sum(axis=1), triangles.reshape(-1, 3).copy(), np.repeat(owners, 3)
+        plane = np.ones(len(levels), bool) if own.facet_errors is None else own.facet_errors.max(axis=1) == 0.0
+        shifts, both = np.zeros(len(levels)), np.concatenate([planes, -planes])[:, [0, 1, 2, 4]]
+        asked, scale = np.column_stack([normals, levels]), np.array([1.0, 1.0, 1.0, size])
+        near = cKDTree(both / scale).query(asked / scale, distance_upper_bound=DEFAULT.snap)[1]
+        for k in np.flatnonzero(plane & (near < len(both))).tolist():
+            n, level = both[near[k], :3], both[near[k], 3]
+            off = np.abs(points[faces == k] @ n - level).max()
+            if off <= slack and (off > 0.0 or np.abs(normals[k]).max() < 1.0):
+                shifts[k], levels[k] = level + 4.0 * j * slack - levels[k], level
+        placed = levels + np.where(shifts != 0.0, 4.0 * j * slack, 0.0)
+        planes = np.concatenate([planes, np.column_stack([normals, placed, levels])[plane]])
+        for rows in groups_of(distinct_rows(points)[1]) if shifts.any() else ():
+            its = np.unique(faces[rows])
+            points[rows] += np.linalg.lstsq(normals[its], shifts[its], rcond=DEFAULT.sharp)[0]
+        corners.append(points)
+    return corners, planes if (planes[:, 3] != planes[:, 4]).any() else planes[:0]
+
+
+def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body], planes: Array) -> tuple[Array, list[Swept]]:
     """Return corners of triangles moved onto the surfaces that these stand for, and all of these."""
-    # a triangle stands for what a face of a source in its plane does. Where facets cut each other, corners come to lie
-    # on these alone, beside the curve in which the true faces meet
+    # `planes` as of `_apart`: what lies on those moved goes back. A triangle stands for what a face of a source in its
+    # plane does. Where facets cut each other, corners come to lie on these alone, beside the curve in which the true
+    # faces meet
     with np.errstate(invalid="ignore"):  # triangles without area stand for nothing
         normals = unit_normals(points[triangles])
     levels = (normals * points[triangles[:, 0]]).sum(axis=1)
@@ -342,17 +379,26 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body]) -> t
             closer = away < np.minimum(nearest[alike], 2.0 * bow + near)
             of[alike[closer]], nearest[alike[closer]] = len(surfaces), away[closer]
             surfaces.append(surface)
+    bases, back = points[triangles[:, 0]], np.zeros(len(triangles), bool)
+    if len(planes):
+        away = planes[planes[:, 3] != planes[:, 4]]
+        off = np.abs(points[triangles] @ away[:, :3].T - away[:, 3]).max(axis=1)
+        back = (off < np.abs(away[:, 3] - away[:, 4]) / 8.0).any(axis=1)
+        some = np.flatnonzero(np.isin(triangles, triangles[back]).any(axis=1) & (of < 0))
+        off = np.abs(points[triangles[some]] @ planes[:, :3].T - planes[:, 3]).max(axis=1)
+        exact = planes[off.argmin(axis=1)]  # which triangles that are slivers tell badly
+        normals[some], bases[some] = exact[:, :3], exact[:, :3] * exact[:, 4:]
     (flat,) = np.nonzero(of < 0)
-    planes = [Swept.plane(points[triangles[k, 0]], normals[k]) for k in flat.tolist()]
+    flats = [Swept.plane(bases[k], normals[k]) for k in flat.tolist()]
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
-    moved, every, at = points.copy(), [*surfaces, *planes], groups_of(corners)
-    for v in np.unique(corners[owners < len(surfaces)]).tolist():
+    moved, every, at = points.copy(), [*surfaces, *flats], groups_of(corners)
+    for v in np.unique(corners[(owners < len(surfaces)) | np.repeat(back, 3)]).tolist():
         meeting = [every[k] for k in np.unique(owners[at[v]]).tolist()]
         for _ in range(STEPS):
             misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)
             moved[v] -= np.linalg.lstsq(np.concatenate(slopes), np.concatenate(misses), rcond=DEFAULT.sharp)[0]
-    return moved, [*surfaces, *planes]
+    return moved, every
 
 
 def _with_surfaces(body: Body, surfaces: Sequence[Swept]) -> Body:

@@ -187,3 +187,47 @@ def test_what_is_covered_is_known_for_every_point_of_it() -> None:
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.15, 0.25))  # before the bare edge
     assert fo.verify(stack).passed
     assert problem.changed(made="worst").made == {"post": pytest.approx(0.05)}
+
+
+TOOLS = {
+    "nothing": (),
+    "a rebate": (fo.Box((1, 5, 1), centre=(3.3, 2, -0.47)),),
+    "a slot": (fo.Box((0.3, 5, 0.53), centre=(2.5, 2, -0.235)),),
+    "a pocket": (fo.Box((0.3, 0.3, 0.53), centre=(2.5, 2, -0.235)),),
+    "a rebate as far as the bed": (fo.Box((2, 5, 1), centre=(3, 2, -0.47)),),
+}
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_facet_of_which_some_is_a_face_elsewhere_had_a_gap_where_it_is_a_cut(tool) -> None:
+    """A lug .08 - w off a bed, w within .02: .06 to .10. What is cut .03 deep into the plate made it .03."""
+    plate = fo.joined(fo.Box((6, 4, 1), centre=(0, 2, 0.5)), fo.Box((0.4, 4, 1), centre=(-2.28, 2, -0.4)))
+    plate, bed = fo.cut(plate, *TOOLS[tool]), fo.Box((4, 4, 3), centre=(0, 2, -1.5), name="bed")
+    motion = {"goal": "touch", "motion": fo.Translation("x"), "limits": {"TX": (-0.5, 0.5)}}
+    left = fo.Size("left", "static", faces="-x", tolerance=0.02)
+    problem = fo.Problem(plate, bed, sizes=[left], made={}, **motion)
+    stack, best = fo.stack_up(problem), fo.best_pose(problem)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.06, 0.1))
+    assert problem.changed(made="worst").made == {"left": pytest.approx(0.02)}
+    assert fo.clearances(problem, count=50).range == pytest.approx((0.06, 0.1))
+    assert (best.parameters["TX"], best.worst_gap) == pytest.approx((0.08, 0.02), abs=1e-6)
+    assert fo.verify(stack).passed
+    assert best.passed
+    if tool == "a rebate as far as the bed":  # which scaled ones would be under
+        return
+    at = (0.0, 0.0, 0.0)  # in the plane of the contact: scaled by r and s within 1 % the lug is 2.08 r - 2 s off
+    scaled = fo.Problem(plate.with_seed(at), bed.with_seed(at), tolerance=0.01, requirement="A", **motion)
+    assert fo.clearances(scaled, count=50).range == pytest.approx((0.08 - 0.0408, 0.08 + 0.0408))
+
+
+def test_a_face_that_is_bare_where_the_other_part_is_still_counts() -> None:
+    """A pocket .03 deep above a post as high as the bed: .03 less the post's w, within .01; elsewhere it is a cut."""
+    plate = fo.cut(fo.Box((6, 4, 1), centre=(0, 2, 0.5)), fo.Box((1, 5, 1), centre=(2.3, 2, -0.47)))
+    bed = fo.joined(fo.Box((4, 4, 3), centre=(-1, 2, -1.5)), fo.Box((6, 4, 1), centre=(0, 2, -3)))
+    bed = fo.joined(bed, fo.Box((0.5, 4, 3), centre=(2.3, 2, -1.5)), name="bed")
+    post = fo.Size("post", "static", faces={"through": (2.3, 2.1, 0.0)}, tolerance=0.01)
+    problem = fo.Problem(plate, bed, sizes=[post], made={}, goal="touch", motion=fo.Translation("x"))
+    stack = fo.stack_up(problem)
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.02, 0.04))
+    assert fo.verify(stack).passed
+    assert problem.changed(made="worst").made == {"post": pytest.approx(0.01)}

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 from manifold3d import Manifold
+from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import fcdm_opt as fo
@@ -947,3 +948,32 @@ def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
     asked = {"sizes": [high], "made": {"high": 0.1}, "goal": "clear", "motion": fo.Translation("x")}
     told = fo.solve(fo.Problem(lid, block, limits={"TX": (-0.1, 0.1)}, **asked)).reason
     assert told.count("overlap by 0.1") == 1
+
+
+# ------------------------------------------------------------------------- where a motion that stays in the fit is larger
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        ACROSS >> fo.Rotation("z"),
+        fo.Translation("x") >> fo.Translation("y") >> fo.Rotation("z"),
+        fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z") >> fo.Rotation("z"),
+        fo.Free(),
+    ],
+    ids=["x z RZ", "x y RZ", "x y z RZ", "free"],
+)
+@pytest.mark.parametrize("effort", ["proved", "quick"])
+def test_a_bar_turns_in_its_tray_where_what_is_found_first_lifts_it_out(motion, effort):
+    """Length L, width w, tray W wide: L cos t + w sin t = W, 12.34 with the weight of the turn; shifts alone leave it."""
+    length, width, deep = 100.0, 20.0, 99.5
+    bar = fo.Box((length, width, 8.0), centre=(0, 0, 4.0), name="bar")
+    floor = fo.Box((deep + 20.0, 60.0, 2.0), centre=(0, 0, -1.0))
+    walls = [fo.Box((10.0, 60.0, 20.0), centre=(s * (deep + 10.0) / 2.0, 0, 10.0)) for s in (-1, 1)]
+    walls += [fo.Box((deep, 10.0, 20.0), centre=(0, s * 35.0, 10.0)) for s in (-1, 1)]
+    tray = fo.joined(floor, *walls)
+    found = fo.solve(fo.Problem(bar, tray, target=(1, 1), goal="clear", motion=motion), effort=effort)
+    turn = brentq(lambda t: length * math.cos(t) + width * math.sin(t) - deep, 0.1, 0.5)
+    assert found.usable
+    assert abs(found.parameters["RZ"]) == pytest.approx(turn, abs=1e-6)
+    assert found.lower_bound <= found.amount

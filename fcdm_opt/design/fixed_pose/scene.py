@@ -172,8 +172,8 @@ class Scales(SizedBodies):
         held = [(at, at.at(self.middle)) for at in each]
 
         def along(parts: tuple[int, int], n: Array) -> PlacedRow:
-            row = self._plane(parts, n, pose)
-            return PlacedRow(n, row, float(row[2]))
+            offset, one, two = self._plane(parts, n, pose)
+            return PlacedRow(n, np.array([[0.0, -one, 0.0], [offset, 0.0, two]]))
 
         def is_hidden(k: int) -> bool:
             rows, parts = self._rows(pose, pairs[[k]], every=True).rows, (int(pairs[k, 0]), int(pairs[k, 1]))
