@@ -950,7 +950,7 @@ def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
     assert told.count("overlap by 0.1") == 1
 
 
-# ------------------------------------------------------------------------- where a motion that stays in the fit is larger
+# ------------------------------------------------------------------------ where a motion that stays in the fit is larger
 
 
 @pytest.mark.parametrize(
@@ -965,7 +965,7 @@ def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
 )
 @pytest.mark.parametrize("effort", ["proved", "quick"])
 def test_a_bar_turns_in_its_tray_where_what_is_found_first_lifts_it_out(motion, effort):
-    """Length L, width w, tray W wide: L cos t + w sin t = W, 12.34 with the weight of the turn; shifts alone leave it."""
+    """Length L, width w, tray W wide: L cos t + w sin t = W; shifts alone leave the fit."""
     length, width, deep = 100.0, 20.0, 99.5
     bar = fo.Box((length, width, 8.0), centre=(0, 0, 4.0), name="bar")
     floor = fo.Box((deep + 20.0, 60.0, 2.0), centre=(0, 0, -1.0))
