@@ -950,7 +950,7 @@ def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
     assert told.count("overlap by 0.1") == 1
 
 
-# ------------------------------------------------------------------------ where a motion that stays in the fit is larger
+# ----------------------------------------------------------------------- where a motion that stays in the fit is larger
 
 
 @pytest.mark.parametrize(
