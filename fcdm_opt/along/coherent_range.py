@@ -22,7 +22,7 @@ from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.facet_errors import is_plane_there, known_to, round_surfaces
 from fcdm_opt.geometry.units import number_text
 from fcdm_opt.lazy_import import NotebookRepr, imported
-from fcdm_opt.model.true_faces import exact_where
+from fcdm_opt.model.true_faces import Exchange
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.plain import Plain
 from fcdm_opt.problem.active_parts import with_parts_met_along
@@ -262,25 +262,18 @@ def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> Coher
     bodies, features = (problem.movable, problem.static), [own.feature for own in followed(problem)]
     if not all(is_plane_there(*own) for each in features for own in zip(bodies, (each.one, each.two), strict=True)):
         return None
-    last = list[CoherentRange]()
-
-    def ended(own: Problem) -> list[Array]:
-        last[:] = [_of_facets(problem.with_exact_points(own.exact_at or {}), along, limit)]
-        return [x * along for x in (last[0].low, last[0].high) if math.isfinite(x)]
-
-    exact, touches = exact_where(of_bodies(problem, problem.nominal_pair), ended, along)
-    if exact.exact_at is None:
+    exact = Exchange.of(of_bodies(problem, problem.nominal_pair))
+    if exact is None:
         return None
-    ends = iter([float(q @ along / (along @ along)) for q in touches])
-    first, end = (replace(own, x=next(ends)) if math.isfinite(own.x) else own for own in last[0].events)
-    overlaps = true_overlaps(exact, along, [(first.x, end.x)])
+    found = _of_facets(problem.with_exact_points(exact.points), along, limit)
+    (first, end), overlaps = found.events, true_overlaps(exact.problem, along, [(found.low, found.high)])
     for start, stop in overlaps.stretches:
         what = f"true faces of {problem.movable.name} and {problem.static.name} come to overlap"
         if stop <= 0.0:
-            first = Event(stop, "overlap", what, features=last[0].features)
+            first = Event(stop, "overlap", what, features=found.features)
         elif start >= 0.0 and start < end.x:
-            end = Event(start, "overlap", what, features=last[0].features)
-    found = replace(last[0], first=first, last=end, proved=last[0].proved and overlaps.proved)
+            end = Event(start, "overlap", what, features=found.features)
+    found = replace(found, first=first, last=end, proved=found.proved and overlaps.proved)
     found = found if overlaps.complete else replace(found, known_to=facet_errors_of(problem))
     sizes = [found.rho(x) for x in (found.low, found.high) if math.isfinite(x)]
     return found if np.abs(np.array(sizes) - found.rho(0.0)).max(initial=0.0) <= DEFAULT.nominal else None

@@ -213,13 +213,7 @@ def contact_times(
     along = checked_direction(problem, direction)
     given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
     pair = frozen(problem.target if given is None else given)
-    last = list[ContactTimes]()
-
-    def touching(own: Problem) -> list[Array]:
-        last[:] = [_times(own, along, pair, limit)]
-        return [x * along for x in (0.0, *(touch.x for touch in last[0].touches))]
-
-    bodies, touches = exact_where(of_bodies(problem, pair), touching, along, apart=0.0)
+    within = exact_where(of_bodies(problem, pair), 0.0 * along, apart=0.0)
     asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
     keep_outs = {
         own.name: _times_clear(asked[own.name], along, own.clearance, limit)
@@ -227,8 +221,9 @@ def contact_times(
         else contact_times(asked[own.name], along, limit=limit)
         for own in problem.keep_out
     }
-    exact = bodies.exact_at is not None
-    found = _of_true_faces(last[0], bodies, touches) if exact else _times(problem, along, pair, limit)
+    exact = within.exact_at is not None
+    found = _times(within if exact else problem, along, pair, limit)
+    found = _of_true_faces(found, within) if exact else found
     each = [found, *keep_outs.values()]
     return replace(
         found,
@@ -237,34 +232,24 @@ def contact_times(
     )
 
 
-def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array]) -> ContactTimes:
-    """Return the times of true faces from those of parts within them, and the motions after which the former touch."""
-    # the latter are overlapping for less long, and between corners of facets, which slide on each other, not at all
-    along = times.direction
-    at = {touch.x: float(q @ along / (along @ along)) for touch, q in zip(times.touches, touches[1:], strict=True)}
-    apart = [(at.get(own.low, own.low), at.get(own.high, own.high)) for own in times.spans if own.state == "apart"]
-    turning, moving = ray_of(bodies, along).natural_step
-    least = DEFAULT.march / max(turning, moving / bodies.size)
-    apart = [(low, high) for low, high in apart if high - low > least]
-    ends = sorted({x for own in (*apart, times.searched) for x in own})
-    free = [any(low <= start and end <= high for low, high in apart) for start, end in pairwise(ends)]
-    spans = [StateSpan("apart" if own else "overlapping", *x) for own, x in zip(free, pairwise(ends), strict=True)]
-    met = {at[own.x]: replace(own, x=at[own.x]) for own in times.touches if at[own.x] in ends or at[own.x] == own.x}
-    found = true_overlaps(bodies, along, apart)
-    joined = _overlapping_any([spans, [StateSpan("overlapping", *own) for own in found.stretches]])
-    kept = {x: own for x, own in met.items() if not any(a - least <= x <= b + least for a, b in found.stretches)}
-    for x in {x for own in joined for x in (own.low, own.high)} - {*times.searched, *kept}:
-        kept[x] = met.get(x) or _touch_between_facets(bodies, x, times)
-    known, proved = () if found.complete else facet_errors_of(bodies.of_facets), times.proved and found.proved
-    ordered = tuple(kept[x] for x in sorted(kept))
+def _of_true_faces(times: ContactTimes, within: Problem) -> ContactTimes:
+    """Return the times of true faces from those of parts within them, which are overlapping for less long."""
+    apart = [(own.low, own.high) for own in times.spans if own.state == "apart"]
+    found = true_overlaps(within, times.direction, apart)
+    joined = _overlapping_any([times.spans, [StateSpan("overlapping", *own) for own in found.stretches]])
+    ends = {x for own in joined for x in (own.low, own.high)} - {*times.searched}
+    inside = [(own.low, own.high) for own in joined if own.state == "overlapping"]
+    touches = {own.x: own for own in times.touches if not any(low < own.x < high for low, high in inside)}
+    touches |= {x: _touch_between_facets(within, x, times) for x in ends - touches.keys()}
+    known, proved = () if found.complete else facet_errors_of(within.of_facets), times.proved and found.proved
+    ordered = tuple(touches[x] for x in sorted(touches))
     return replace(times, spans=joined, touches=ordered, proved=proved, known_to=known)
 
 
 def _touch_between_facets(bodies: Problem, x: float, times: ContactTimes) -> Touch:
     """Return the instant x at which true faces touch, with parts that are exact there."""
     q = x * times.direction
-    touching, _ = exact_where(bodies, lambda _: [q], apart=0.0)
-    return Touch(x, _features(touching, q, times.pair), grazing=False)
+    return Touch(x, _features(exact_where(bodies, q, apart=0.0), q, times.pair), grazing=False)
 
 
 def _overlapping_any(each: Iterable[Sequence[StateSpan]]) -> tuple[StateSpan, ...]:

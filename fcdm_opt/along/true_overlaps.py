@@ -154,9 +154,11 @@ class _Looked:
             if deep[0] and one == low:
                 ends.append(one)
             if deep[0] != deep[1]:
-                (gap, _), (other, _) = self.at(one), self.at(two)
-                root = (one if deep[1] else two) if max(gap, other) <= 0.0 else None
-                ends.append(float(brentq(lambda x: self.at(x)[0], one, two)) if root is None else root)
+                # others that slide on each other meanwhile hide the root: from where the overlap is seen back to it
+                level = 0.0 if max(self.at(one)[0], self.at(two)[0]) > 0.0 else -self._slack
+                root = float(brentq(lambda x, level=level: self.at(x)[0] - level, one, two))
+                gap, slope = self.at(root)
+                ends.append(min(max(root - gap / slope, one), two) if level and slope else root)
             if deep[1] and two == high:
                 ends.append(two)
         return [*zip(ends[::2], ends[1::2], strict=True)]

@@ -195,7 +195,7 @@ def contact_rows(problem: Problem | Assembly, at: Any = None, *, within: float |
         raise InputError("several features meet: name two", key="features", found=found)
     task = Task.of(problem)
     q = motion_values(task.motion.names, at, "at")
-    exact, _ = exact_where(problem, lambda _: (q,), apart=task.gap(q))
+    exact = exact_where(problem, q, apart=task.gap(q))
     if exact is not problem:
         problem, task = exact, Task.of(exact)
     if problem.partial or any(own.body.is_surface for own in problem.keep_out):

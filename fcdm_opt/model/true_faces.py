@@ -10,7 +10,7 @@ the true faces.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,6 @@ from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, devi
 from fcdm_opt.geometry.measures import norms
 from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
 from fcdm_opt.model.task import Answer, Task
-from fcdm_opt.problem.active_parts import moving_at_most
 from fcdm_opt.problem.contacts_restored import touching_again
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
@@ -257,29 +256,6 @@ class Exchange:
         self.add(new)
         return bool(new)
 
-    def touching(self, q: Array, along: Array) -> Array | None:
-        """Return the motion along a direction after which true faces just touch that overlap after another one.
-
-        The same motion where they do not overlap; None where that is not found.
-        """
-        # by Newton's method: exchanges alone leave a share of the overlap each, where corners slide along round faces
-        x = known = level = 0.0
-        for turn in range(STEPS):
-            gap, slope = self.gap_and_slope(q + x * along, along, self._slack)
-            if not turn and gap >= -self._slack:
-                return q
-            if abs(gap) <= TIGHT * self._slack:
-                return q + x * along
-            if gap == self._slack:  # none are so near
-                x = (x + known) / 2.0
-                continue
-            if abs(slope) <= DEFAULT.nominal:  # as of a plane that slides on one: to either side, until rims tell
-                level = -2.0 * level or gap / moving_at_most(self.facets, along, self.facets.target)(0.0, 1.0)[1]
-                x = known + level
-                continue
-            known, x = x, x - gap / slope
-        return None
-
     def gap_and_slope(self, q: Array, along: Array, most: float) -> tuple[float, float]:
         """Return the gap of true faces after a motion, `most` where they are farther, and its slope along a ray."""
         pose, rates = self.facets.motion.kinematics(self.facets.movable.seed, self.facets.static.seed).rates(q)
@@ -412,38 +388,17 @@ def on_true_faces(scene: Scene) -> bool:
     )
 
 
-def exact_where(
-    problem: Problem,
-    motions: Callable[[Problem], Iterable[Array]],
-    along: Array | None = None,
-    apart: float | None = None,
-) -> tuple[Problem, list[Array]]:
-    """Return the same question with parts that are exact where their round faces meet after motions, and these.
+def exact_where(problem: Problem, q: Array, apart: float) -> Problem:
+    """Return the same question with parts that are exact where their round faces overlap after a motion, (k,).
 
-    The question itself where all faces are plane, where what they are is not known, or it comes to no end.
-
-    - `motions`: parameters, (k,) each, which may follow from the parts: they are asked for anew, until after none of
-      them true faces overlap where the parts are not exact.
-    - `along`: the direction, (k,), that they are ahead in: where true faces overlap, that motion is taken after which
-      these just touch.
-    - `apart`: how far apart parts may be after the first, as facets say: there they are made exact where they are
-      nearest, and the motion stays. None: it is as all others.
+    And where they are nearest then, up to so far `apart` as facets say. The question itself where all faces are plane,
+    where what they are is not known, or it comes to no end.
     """
-    asked, seeds = Exchange.of(problem), (problem.movable.seed, problem.static.seed)
-    for count in range(ROUNDS if asked is not None else 0):
-        assert asked is not None
-        current, refined, touches = asked.problem, False, list[Array | None]()
-        for k, q in enumerate(motions(current)):
-            stays = along is None or (k == 0 and apart is not None)
-            touch = q if stays or along is None else asked.touching(q, along)
-            touches.append(touch)
-            met = q if touch is None else touch
-            near = 0.0 if met is not q else None if k or count else apart
-            refined |= asked.refine(problem.motion.transform(met, *seeds), near)
-        if not refined:
-            known = [own for own in touches if own is not None]
-            return (current, known) if len(known) == len(touches) else (problem, [])
-    return problem, []
+    if (asked := Exchange.of(problem)) is None:
+        return problem
+    pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+    done = any(not asked.refine(pose, None if count else apart) for count in range(ROUNDS))
+    return asked.problem if done else problem
 
 
 def _same(one: NearestPoints, two: NearestPoints, problem: Problem) -> bool:

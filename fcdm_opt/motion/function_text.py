@@ -16,7 +16,11 @@ import json
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import cached_property
+from typing import Any, ClassVar, Self, TypeVar
+
+from fcdm_opt.errors import InputError
+from fcdm_opt.motion.kinematics import Compiled
 
 T = TypeVar("T")
 
@@ -59,6 +63,41 @@ def function_of(text: str) -> Any:
         return _built(*json.loads(text)) if text[:1] == "[" else _Reader(text).function()
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, struct.error) as reason:
         raise ValueError(f"not as such texts are: {type(reason).__name__} {reason}".strip().split("\n")[0]) from reason
+
+
+class OwnFunction:
+    """Base of what a user writes as a function: equal, and pickled, by its text and what else it was made from."""
+
+    function: Any
+    text: str
+    given: tuple[Any, ...]  # what it was made from besides
+    text_key: ClassVar[str]
+    text_allowed: ClassVar[str]
+
+    @classmethod
+    def from_text(cls, text: str, *given: Any) -> Self:
+        """Return what has this `text`, bit for bit."""
+        try:
+            function = function_of(text)
+        except ValueError as reason:
+            what = "not the text of a CasADi function"
+            raise InputError(what, key=cls.text_key, found=last_line(reason), allowed=cls.text_allowed) from reason
+        made = cls(function, *given)  # type: ignore[call-arg]
+        made.function, made.text = function, text
+        return made
+
+    @cached_property
+    def _values(self) -> Compiled:
+        return Compiled(self.function)
+
+    def __reduce__(self) -> Any:
+        return type(self).from_text, (self.text, *self.given)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, type(self)) and (self.text, self.given) == (other.text, other.given)
+
+    def __hash__(self) -> int:
+        return hash((self.text, self.given))
 
 
 def last_line(reason: BaseException) -> str:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cached_property
 from typing import Any, get_args
 
 import numpy as np
 
 from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.function_text import TEXTS, function_of, last_line, text_of
+from fcdm_opt.motion.function_text import TEXTS, OwnFunction, last_line, text_of
 from fcdm_opt.motion.instructions import interpreted
-from fcdm_opt.motion.kinematics import Compiled
 from fcdm_opt.motion.motions import Kind, Matrix, Parameter, Step
 from fcdm_opt.tolerances import DEFAULT
 
@@ -21,7 +19,7 @@ SPREAD = (1e-3, 1.0)  # of these parameters, least and most
 
 
 @known_arguments
-class OwnMotion(Step):
+class OwnMotion(OwnFunction, Step):
     """A motion of the user's own, a step like any other.
 
     No bound of what it displaces is known: searches go by sampled rates, and stages that need such a bound prove
@@ -52,6 +50,8 @@ class OwnMotion(Step):
     >>> motion = fo.OwnMotion(ramp, [("TX", "translation")], name="ramp") >> fo.Rotation("z")
     """
 
+    text_key, text_allowed = "OwnMotion.text", f"the text of another OwnMotion, or {TEXTS}"
+
     def __init__(
         self, function: Callable[[Any], Any], parameters: Iterable[tuple[str, Kind]], name: str = "own motion"
     ) -> None:
@@ -59,41 +59,16 @@ class OwnMotion(Step):
             raise InputError("not a name", key="OwnMotion.name", found=name, allowed="a text")
         self.name = name
         self._parameters = _checked_parameters(parameters)
-        self._function = _built(function, len(self._parameters))
-        self.text = text_of(self._function)
-        _check(self._function, self._parameters)
-
-    @classmethod
-    def from_text(cls, text: str, parameters: Iterable[tuple[str, Kind]], name: str) -> OwnMotion:
-        """Return the motion whose `text` this is, bit for bit."""
-        try:
-            function = function_of(text)
-        except ValueError as reason:
-            what, allowed = "not the text of a CasADi function", f"the text of another OwnMotion, or {TEXTS}"
-            raise InputError(what, key="OwnMotion.text", found=last_line(reason), allowed=allowed) from reason
-        motion = cls(function, parameters, name)
-        motion._function, motion.text = function, text
-        return motion
+        self.function = _built(function, len(self._parameters))
+        self.text, self.given = text_of(self.function), (self._parameters, name)
+        _check(self.function, self._parameters)
 
     def own_plain(self) -> dict[str, Any]:
         """Return the text of its function, its parameters and its name."""
         return {"casadi": self.text, "parameters": [list(one) for one in self.own_parameters], "name": self.name}
 
-    def __reduce__(self) -> Any:
-        return OwnMotion.from_text, (self.text, self._parameters, self.name)
-
     def __repr__(self) -> str:
         return f"OwnMotion({self.name!r}, {[tuple(parameter) for parameter in self._parameters]})"
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        return self.name, self._parameters, self.text
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, OwnMotion) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
 
     @property
     def own_parameters(self) -> tuple[Parameter, ...]:
@@ -102,10 +77,6 @@ class OwnMotion(Step):
 
     bounded = False  # no bound of its displacements is known
     smooth = False  # the function may jump
-
-    @cached_property
-    def _values(self) -> Compiled:
-        return Compiled(self._function)
 
     def own_transform(self, q: list[Any], movable_seed: tuple[Any, ...], static_seed: tuple[Any, ...]) -> Matrix:
         """Numbers through the compiled function, CasADi expressions by putting them in, others step by step.
@@ -120,10 +91,10 @@ class OwnMotion(Step):
         if all(isinstance(x, float) for x in q):
             column = self._values(q)[0].tolist()
         elif any(isinstance(x, casadi.SX | casadi.MX | casadi.DM) for x in q):
-            T = self._function(casadi.vertcat(*q))
+            T = self.function(casadi.vertcat(*q))
             column = [T[k] for k in range(16)]
         else:
-            column = interpreted(self._function, q)
+            column = interpreted(self.function, q)
         return (*(tuple(column[i::4]) for i in range(3)), (0.0, 0.0, 0.0, 1.0))
 
     def own_reaches(self, points: Array, seed: Array, turned: bool) -> tuple[float, ...]:
@@ -135,7 +106,7 @@ class OwnMotion(Step):
         import casadi
 
         def shifted(q: Any) -> Any:
-            T = self._function(q)
+            T = self.function(q)
             T[:3, 3] += casadi.mtimes(T[:3, :3], origin) - origin
             return T
 

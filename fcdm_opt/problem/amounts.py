@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
-from fcdm_opt.motion.function_text import TEXTS, function_of, last_line, text_of
+from fcdm_opt.motion.function_text import TEXTS, OwnFunction, last_line, text_of
 from fcdm_opt.motion.kinematics import Compiled
 
 AmountWord = Literal["weighted", "displacement"]
@@ -21,7 +21,7 @@ ALLOWED = (
 PROBES, SPREAD = 8, (1e-3, 1.0)  # motions at which an amount is looked at when it is made
 
 
-class OwnAmount:
+class OwnAmount(OwnFunction):
     """A motion amount of the user's own: a number >= 0 for each motion.
 
     The expression, a `casadi.SX`, is of scalar symbols that bear the names of motion parameters (lengths and radians),
@@ -29,8 +29,10 @@ class OwnAmount:
     `InputError` where it is no scalar, not finite at rest, negative, or has other symbols.
     """
 
+    text_key, text_allowed = "amount.casadi", f"{ALLOWED}; as text {TEXTS}"
+
     def __init__(self, expression: Any, names: Sequence[str]) -> None:
-        self.names = tuple(names)
+        self.names, self.given = tuple(names), (tuple(names),)
         self.function = _built(expression, list(names))
         self.text = text_of(self.function)
         at_rest = self(np.zeros(len(names)))
@@ -41,25 +43,9 @@ class OwnAmount:
         if least < 0:
             raise _refused("negative for some motions", least)
 
-    @classmethod
-    def from_text(cls, text: str, names: Sequence[str]) -> OwnAmount:
-        """Return the amount whose `text` this is, bit for bit."""
-        try:
-            function = function_of(text)
-        except ValueError as reason:
-            what, allowed = "not the text of a CasADi function", f"{ALLOWED}; as text {TEXTS}"
-            raise InputError(what, key="amount.casadi", found=last_line(reason), allowed=allowed) from reason
-        amount = cls(function, names)
-        amount.function, amount.text = function, text
-        return amount
-
     def __call__(self, q: Sequence[float] | Array) -> float:
         """Return the amount of a motion."""
-        return float(self._value(q)[0][0])
-
-    @cached_property
-    def _value(self) -> Compiled:
-        return Compiled(self.function)
+        return float(self._values(q)[0][0])
 
     @cached_property
     def is_smooth_at_rest(self) -> bool:
@@ -90,20 +76,11 @@ class OwnAmount:
         made = {power: casadi.Function("derivatives", [q], [casadi.densify(own)]) for power, own in found.items()}
         return {power: Compiled(own) for power, own in made.items()}
 
-    def __reduce__(self) -> Any:
-        return OwnAmount.from_text, (self.text, self.names)
-
     def __repr__(self) -> str:
         import casadi
 
         q = casadi.vertcat(*map(casadi.SX.sym, self.names))
         return f"OwnAmount({str(self.function(q))[:200]})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, OwnAmount) and (self.names, self.text) == (other.names, other.text)
-
-    def __hash__(self) -> int:
-        return hash(self.text)
 
 
 def amount(value: Any, names: Sequence[str]) -> str | OwnAmount:

@@ -9,11 +9,9 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, frozen
-from fcdm_opt.model.seats import tilts
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.motion.motions import XYZ, Translation
 from fcdm_opt.problem.evidence import Evidence
@@ -24,7 +22,7 @@ from fcdm_opt.stages import direction_search, separating_directions
 from fcdm_opt.stages.contact_system import translations
 from fcdm_opt.stages.descent import STAGE as DESCENT
 from fcdm_opt.stages.descent import descent
-from fcdm_opt.stages.rays import ON_THE_WAY, on_a_ray
+from fcdm_opt.stages.rays import on_a_ray
 from fcdm_opt.stages.relaxation import choices
 from fcdm_opt.stages.turns import least_over_turns
 from fcdm_opt.tolerances import DEFAULT
@@ -54,7 +52,6 @@ MOST_PAIRS = 100_000  # part pairs with which cells are looked at: each cell kee
 FEW_PAIRS = 100  # part pairs up to which more motions are descended from
 SPREAD = 0.3  # the same, from motions that are not the least for certain
 GAINED = 1e-5  # relative: smaller gains may come from what counts as met, where a gap opens with the square of a turn
-NUDGES = (0.0, 1e-6, 1e-4, 1e-2)  # relative: how far beyond a motion its ray is searched
 
 
 def branch_and_bound(task: Task) -> Answer | None:
@@ -123,13 +120,6 @@ def proved(
             return answer, None
     until = np.inf if seconds is None else perf_counter() + seconds
     checked = share == 1.0
-    if (turned := _turned_back(task)) is not None:
-        still = replace(task, limits=frozen(np.where(turned[:, None], 0.0, task.limits)))
-        bound = bounded(still, answer, aims=[(gap, PROVING)], until=until, checked=False)[0].lower_bound
-        bound = min(bound, np.pi * float(task.weights[turned].sum()), _amount(task, answer))
-        answer = replace(answer, lower_bound=max(bound, answer.lower_bound))
-        if not checked and _closed(task, answer, gap * (1.0 + DEFAULT.nominal)):
-            return answer, None
     if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
         answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
     if few:
@@ -148,20 +138,6 @@ def proved(
     if closed or perf_counter() > until or pacing.over():
         return answer, None
     return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
-
-
-def _turned_back(task: Task) -> NDArray[np.bool_] | None:
-    """Return which parameter of a task turns, (k,), if only one does and it tilts a face that must be flush in the end.
-
-    Such a face is flush again after half a revolution at the soonest. None elsewhere; what must stay flush on the way
-    has limits that say so.
-    """
-    turning = np.asarray(task.spins.any(axis=1))
-    faces = [seat for seat in task.seats if seat.whole]
-    if task.coherent or turning.sum() != 1 or turning.all() or not faces:
-        return None
-    tilted = np.abs(tilts(faces, task.spins)[:, turning]).max(initial=0.0) > DEFAULT.nominal
-    return turning if tilted and task.allows(task.rest) else None
 
 
 def least_apart(task: Task) -> Answer | None:
@@ -322,9 +298,4 @@ def near(task: Task, q: Array) -> Answer | None:
         return None
     better = [relaxation.smallest([q]) for relaxation in choices(task, q, near=True)]
     done = [found for found in better if found is not None and task.meets(found.motion, DEFAULT.cut)]
-    for nudge in NUDGES:
-        at = np.clip(q * (1.0 + nudge), *task.limits.T)
-        if task.meets(at, DEFAULT.cut):
-            done.append(task.answer(at, active=ON_THE_WAY, modelled=task.modelled_by_gaps(at)))
-            break
     return min(done, key=lambda own: own.amount, default=None)

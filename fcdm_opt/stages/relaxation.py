@@ -22,7 +22,6 @@ ROUNDS = 40  # of adding violated constraints
 CHOICES = 12  # directions tried for a pair that must come apart, and pairs tried that might close
 VARIANTS = 40  # choices for several overlapping pairs, at most
 PLANES = 120  # separating planes of all variants together: a program with a hundred takes seconds
-RECENTRED = 4  # restarts of a program with separating planes from its own solution, at most
 KEPT = 6  # starts of the first round that later rounds keep
 KEPT_SHARED = 2.0  # times the least that flush contacts share, kept where they would slide off
 START_DISTANCE = 3.0  # starts away from rest, in typical amounts
@@ -136,20 +135,7 @@ class Relaxation:
         cornered = any(task.needs[j] > 0 for _, j in self._planes)  # a distance between corners
         if self._planes and (stuck or cornered):  # where SQP may find nothing, or stop short of the least
             found.append(program.minimise(task, self._rows, starts[0], planes, "ipopt"))
-        best = min((own for own in found if own is not None), key=lambda own: task.amount(own.q), default=None)
-        for _ in range(RECENTRED if self._planes else 0):
-            if best is None:
-                break
-            # a solver that stopped early goes on from its planes, now measured against their own normals
-            pairs = zip(self._planes, best.normals, strict=True)
-            levels = [self._heights(parts, best.q, normal)[0].max() for parts, normal in pairs]
-            lengths = np.linalg.norm(best.normals, axis=1)[:, None]
-            planes = np.column_stack([best.normals, np.array(levels) / self.task.unit]) / lengths
-            again = program.minimise(task, self._rows, best.q, planes, method)
-            if again is None or task.amount(again.q) >= task.amount(best.q) * (1.0 - DEFAULT.nominal):
-                break
-            best = again
-        return best
+        return min((own for own in found if own is not None), key=lambda own: task.amount(own.q), default=None)
 
     def _grown(self, q: Array, normals: dict[Parts, Array]) -> bool:
         """Add the constraints that a motion violates; tell whether any is new."""
