@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.coherence import Fault
 from fcdm_opt.curve.contact import distinct
-from fcdm_opt.geometry.arrays import Array
+from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.model.equations import feature_points
 from fcdm_opt.model.task import Answer, Parts, Task
 from fcdm_opt.problem.solution import Status
@@ -29,7 +29,24 @@ HELD = 3  # vertices of either part that a new separating plane holds at once
 
 
 def nonlinear(task: Task) -> Answer:
-    """Stage 4: the nonlinear program; constraints of other features come in when a solution violates them.
+    """Stage 4: the nonlinear program."""
+    # where contacts must stay flush, which few turns let them, first without turns, and then with turns from there
+    turning = task.spins.any(axis=1) & (task.limits[:, 0] <= 0) & (task.limits[:, 1] >= 0)
+    still = frozen(np.where(turning[:, None], 0.0, task.limits))
+    if not any(task.flush) or not turning.any() or (still == 0).all() or (still == task.limits).all():
+        return _program(task)
+    answer = _program(replace(task, limits=still))
+    if answer.q is None:
+        return _program(task)
+    best = answer
+    starts = [answer.q, *(answer.q + sign * x for x in np.diag(task.steps)[turning] for sign in (1.0, -1.0))]
+    for relaxation in choices(task, answer.q, near=True):
+        best = _better(best, relaxation.smallest([np.clip(q, *task.limits.T) for q in starts])) or best
+    return replace(best, stage=answer.stage, lower_bound=min(task.displacement_bound, best.amount))
+
+
+def _program(task: Task) -> Answer:
+    """Return what the nonlinear program finds; constraints of other features come in when a solution violates them.
 
     Several starts, and every choice of features that may matter; then the first contact on a ray. All starts are fixed:
     the same task gives the same answer.
