@@ -8,7 +8,7 @@ its needed gap within an amount |g - need| / rate: of that rate no bound is used
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import Array, Ints, crossed, frozen
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.task import Answer, Parts, Task
+from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.stages import steady
 from fcdm_opt.tolerances import DEFAULT
@@ -267,21 +267,6 @@ def _units(k: int, shares: tuple[float, ...]) -> Array:
     between = [one + share * two for one, two in combinations(axes, 2) if one @ two == 0 for share in shares]
     rays = np.array([*axes, *between])
     return frozen(rays / np.linalg.norm(rays, axis=1)[:, None])
-
-
-def shortened(task: Task, q: Array, normals: Mapping[Parts, Array] | None = None) -> Array:
-    """Return the stretch of the ray to q at whose end the target pair has just the gap it needs; q if there is none."""
-    from scipy.optimize import brentq
-
-    def miss(s: float) -> float:
-        return task.misses(s * q, normals)[0]
-
-    end = miss(1.0)
-    if abs(end) <= DEFAULT.cut * task.unit or miss(0.0) * end >= 0:
-        return q
-    shorter = q * brentq(miss, 0.0, 1.0, xtol=DEFAULT.line, rtol=4 * np.finfo(float).eps)
-    clear = task.misses(shorter, normals)[1] >= -DEFAULT.cut * task.unit
-    return shorter if clear and task.allows(shorter) else q
 
 
 def reach(task: Task, direction: Array) -> float:

@@ -119,8 +119,6 @@ class Relaxation:
             outcome = self._solved([*starts[:KEPT], q], method)
         if outcome is None:
             return None
-        if not task.tracked and not task.joints:
-            q = rays.shortened(task, q, normals)
         if self._incoherent or not task.meets(q, DEFAULT.requirement, normals, path=False):
             return None
         active = tuple(dict.fromkeys(self._rows[k].name for k in outcome.active))
