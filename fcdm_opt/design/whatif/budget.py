@@ -82,7 +82,7 @@ class End(Enum):
     NO_MOTION = Status.INFEASIBLE.words
     NOT_FOUND = Status.NOT_FOUND.words
     NOT_IN_STEPS = Status.NOT_IN_STEPS.words
-    LEFT_COHERENT_RANGE = Status.LEFT_COHERENT_RANGE.words
+    BEYOND_RANGE = Status.LEFT_COHERENT_RANGE.words
     NOT_VERIFIED = Status.NOT_VERIFIED.words
     LARGEST = "the largest tolerance looked at is still good"
     TIME = "the time limit was met"
