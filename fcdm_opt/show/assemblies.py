@@ -91,7 +91,7 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
 
 def assembly_verdict(solution: AssemblySolution) -> str:
     """Return in a sentence what to move, and whether less would do."""
-    from fcdm_opt.design.whatif.fitting import advising
+    from fcdm_opt.design.whatif.fitting import NOT_MET, advising
 
     assembly = solution.assembly
     outside = solution.status.name == "OUTSIDE_FIT"
@@ -102,8 +102,8 @@ def assembly_verdict(solution: AssemblySolution) -> str:
     if outside:
         place = "the place it is drawn in"
         what = f"does not fit: the only motions found take a part out of {place}"
-        if texts.outcome_text(solution) == texts.NOT_MET:
-            what = f"fits, {texts.NOT_MET}: no such motions leave it with each part in {place}"
+        if texts.outcome_text(solution) == NOT_MET:
+            what = f"fits, {NOT_MET}: no such motions leave it with each part in {place}"
         return "; ".join(filter(None, (verdict(assembly) or what, barred)))
     if not solution.usable:
         return "not to be used: motions were found, but the judge refused them"

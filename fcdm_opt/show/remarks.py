@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.design.whatif.fitting import ACCURACY, clearance_within
+from fcdm_opt.design.whatif.fitting import ACCURACY, NOT_MET, clearance_within
 from fcdm_opt.geometry.bodies import told_solids
 from fcdm_opt.geometry.facet_errors import deviation_of, known_to
 from fcdm_opt.geometry.units import floored, measured, number_text
@@ -23,7 +23,7 @@ from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.show.rendering import paragraphs, rendered
-from fcdm_opt.show.texts import CLOSED, NOT_MET, asked_text, bound_text, listed, number, numbers, proved_least
+from fcdm_opt.show.texts import CLOSED, asked_text, bound_text, listed, number, numbers, proved_least
 from fcdm_opt.show.verdict import EXACT, gone_through
 from fcdm_opt.tolerances import DEFAULT
 

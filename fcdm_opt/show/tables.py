@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
 from fcdm_opt.design.sizes import beyond_tolerances
+from fcdm_opt.design.whatif.fitting import barred_text
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
@@ -17,7 +18,6 @@ from fcdm_opt.show.glossary import WORDS
 from fcdm_opt.show.printing import CELL_WIDTH, console, print_lines, print_rows, print_text, wrapped
 from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.verdict import (
-    barred_text,
     contact_text,
     fit_text,
     held_text,
@@ -116,16 +116,14 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         sentence, of_mesh = verdict_text(row.solution), row.solution.left_by_mesh
         sentence = sentence.replace(of_mesh, of_mesh.partition(": ")[0])
         print_text(f"{row.solution.problem.name}: {sentence}", indent="   ")
-    fits = dict.fromkeys(f"{told}." for row in rows if (told := fit_text(row.solution.problem)))
-    if any(row.solution.problem.requirement for row in rows):
-        fits |= {f"requirements: {WORDS['requirement'].partition(': ')[2]}.": None}
-    print_lines(f"{told[:1].upper()}{told[1:]}" for told in fits)
+    lettered = any(row.solution.problem.requirement for row in rows)
+    print_lines([f"Requirements: {WORDS['requirement'].partition(': ')[2]}."] * lettered)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
     said: dict[str, list[str]] = {}  # notes, and the cases that they are of
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     for row in rows:
         solution = row.solution
-        notes = remarks(solution)
+        notes = [*filter(None, [fit_text(solution.problem)]), *remarks(solution)]
         if row.unproved:
             notes = [*notes, f"{UNPROVED}: {row.unproved}"]
         if solution.status.name not in ("SOLVED", "ALREADY_SATISFIED"):
@@ -138,8 +136,8 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
             said.setdefault(text, []).append(solution.problem.name)
     for text, names in said.items():
         print_text(f"{', '.join(names)}: {text}", indent="   ")
-    asked = [row.solution.problem for row in rows]
-    bodies = [body for each in asked for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
+    problems = [row.solution.problem for row in rows]
+    bodies = [body for each in problems for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
         if text in said:
             continue

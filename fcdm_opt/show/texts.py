@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 DIGITS = 4  # significant digits of what people read; all of them are in JSON
 PLACES = 6  # those of coordinates and sizes as shares of those drawn, which differ by little from one another
-NOT_MET = "clearance not met"  # of parts that fit without one
 NONE = "\u2013"  # an en dash, where a page has no value
 CLOSED = 1e-9  # relative gap of a closed form
 NEAR = 0.01  # relative gap, from which on the bound is told as a share of the amount: it is not nearly proved
@@ -280,12 +279,10 @@ def bound_line(solution: Bounded) -> str:
 
 def outcome_text(solution: Bounded) -> str:
     """Return how a solve ended, in words for the cell of a table."""
-    from fcdm_opt.design.whatif.fitting import without_clearance
+    from fcdm_opt.design.whatif.fitting import NOT_MET, barred_text
 
-    outside = solution.status is Status.OUTSIDE_FIT and not solution.stopped  # else there is no time to ask more
-    if outside and without_clearance(solution.question) is not None:
-        return NOT_MET
-    return "verified" if solution.usable else solution.status.words
+    ended = barred_text(solution)
+    return ended if solution.usable or ended == NOT_MET else solution.status.words
 
 
 IMPOSSIBLE = re.compile(

@@ -113,7 +113,7 @@ def barring(scene: Scene) -> str:
 
 def _without_clearance(problem: Problem, why: str) -> str:
     """Return that parts fit without a clearance, with why not with one; "" where they do not."""
-    from fcdm_opt.design.whatif.fitting import without_clearance
+    from fcdm_opt.design.whatif.fitting import NOT_MET, without_clearance
 
     bare = without_clearance(problem)
     if bare is None:
@@ -121,7 +121,7 @@ def _without_clearance(problem: Problem, why: str) -> str:
     contact = contact_text(bare.problem, bare.features, bare.transform)
     closed = f"; without one, {contact}" if contact and bare.pair_state == "touching" else ""
     asked = f"no such motion leaves {length_text(problem, problem.clearance)}"
-    return f"fits, {texts.NOT_MET}: {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
+    return f"fits, {NOT_MET}: {asked} in the place it is drawn in{closed}" + f"; {why}" * bool(why)
 
 
 def answer_text(solution: Solution) -> str:
@@ -236,6 +236,8 @@ def refusal_text(solution: Bounded, where: str = UNMOVED) -> str:
 
     `where`: the parts are shown, see `poses_shown`.
     """
+    from fcdm_opt.design.whatif.fitting import barred_text
+
     return "" if solution.usable else f"{barred_text(solution)}: parts as made, {where}"
 
 
@@ -259,12 +261,6 @@ def poses_shown(solution: Bounded) -> tuple[Any, str]:
         if lacking and any(q):
             return scene.motion.transform(q, scene.movable.seed, scene.static.seed), "at the nearest pose found"
     return (None if moved == "transform" else {}), UNMOVED
-
-
-def barred_text(solution: Bounded) -> str:
-    """Return how a solve without a motion to use ended: "does not fit", "clearance not met"."""
-    outcome, outside = texts.outcome_text(solution), solution.status.name == "OUTSIDE_FIT"
-    return "does not fit" if outcome != texts.NOT_MET and (outside or verdict(solution.question)) else outcome
 
 
 def instruction(solution: Solution) -> str:

@@ -18,7 +18,8 @@ import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.stack.stack_up import stack_up
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Point, _Tolerances, budget
-from fcdm_opt.design.whatif.fitting import Order, order
+from fcdm_opt.design.whatif.fitting import Order, barred_text, order
+from fcdm_opt.design.whatif.whatif import whatif
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.primitives import Box, Cylinder, cut
@@ -188,7 +189,7 @@ def test_beyond_with_another_motion_may_have_no_budget() -> None:
     assert (found.tolerance, found.end) == (0.0, End.NOT_FOUND)
     assert found.bracket == (0.0, SMALLEST)
     assert found.amount == 0.0
-    assert str(found) == "B: only as drawn; above, no motion was found, and none is proved impossible"
+    assert str(found) == "B: only as drawn; above, no motion found"
 
 
 @pytest.mark.parametrize(
@@ -503,3 +504,71 @@ def test_the_tolerance_of_a_budget_was_not_told_as_a_share_of_those_given(capsys
     assert "within 2 times their tolerances: block -0.2 to +0.2, post -0.1 to +0.1" in words
     told = str(fo.solve(problem).sensitivity)  # the post alone that grows holds the block
     assert told.startswith("derivatives of the amount, not by all data: more constraints hold the motion than it takes")
+
+
+# ------------------------------------------------------------------------- sizes whose tolerance does not include drawn
+
+
+def insert(width: float, tolerance: tuple[float, float]) -> Problem:
+    """A square insert in a window of 20, whose width along x is off."""
+    frame = cut(Box((60, 60, 18), unit="mm"), Box((20, 20, 30), unit="mm"), name="frame")
+    size = Size("wx", "movable", faces=["+x", "-x"], each=0.5, tolerance=tolerance)
+    part = Box((width, width, 18), name="insert", unit="mm")
+    return Problem(part, frame, sizes=[size], made="middle", goal="clear", motion=X >> Translation("y"))
+
+
+@pytest.mark.parametrize(("width", "worst", "loosest"), [(20.0, 0.0, 0.0), (19.9, 0.1, 0.15)])
+def test_press_fits_were_good_at_four_times_their_tolerance(width: float, worst: float, loosest: float) -> None:
+    """Wider by 2/3 t to t: line to line none goes in, with a play of .1 up to t = .1, and the loosest up to .15."""
+    found = budget(insert(width, (0.04, 0.06)), None)
+    assert [own.tolerance for own in found.values()] == pytest.approx([worst, loosest], rel=1e-5)
+    assert {own.end for own in found.values()} == {End.MISFIT}
+    assert (found["worst"].proved, found["loosest"].proved) == (True, False)
+    for own in found.values():
+        assert own.advice.startswith("does not fit: insert ")
+
+
+@pytest.mark.parametrize("tolerance", [(-0.06, -0.04), (-0.06, 0.0)])
+def test_running_fits_need_no_motion(tolerance: tuple[float, float]) -> None:
+    """Narrower than its window of 20 at all sizes, whether drawn is among these or not."""
+    found = budget(insert(20.0, tolerance), 0.0)
+    assert [(own.tolerance, own.end) for own in found.values()] == [(pytest.approx(0.24), End.LARGEST)] * 2
+
+
+def test_what_ends_a_budget_was_said_in_other_words_than_of_the_answer() -> None:
+    """A pin 2 wide in a slot of 2.2: a clearance of .05 lasts to .1 wider, where `solve` finds that it fits without."""
+    pin, slot = Box((2, 2, 2), name="pin", unit="mm"), cut(Box((9, 9, 2), unit="mm"), Box((2.2, 2.2, 4), unit="mm"))
+    size = Size("wx", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.02)
+    bare = Problem(pin, slot, sizes=[size], goal="clear", motion=X)
+    for problem, most, end in (
+        (bare.changed(clearance=0.05), 0.1, End.NOT_MET),
+        (bare, 0.2, End.MISFIT),
+    ):
+        found = one(problem, None, "worst", largest=0.3)
+        assert found.tolerance == pytest.approx(most, rel=1e-5)
+        past = problem.changed(made={"wx": most + 0.01})
+        assert found.end is end
+        assert barred_text(solve(past)) == end.value
+        assert f", {end.value}" in str(whatif(past, made={"wx": most + 0.02}))
+
+
+def test_what_the_judge_refused_by_rounding_at_the_end_was_said_to_end_it() -> None:
+    """Two legs in a pocket with a play of .1 a side and a groove aslant with as much: a pitch of .2 + .1 sqrt(2)."""
+
+    def groove(half: tuple[float, float], z: tuple[float, float]) -> Any:
+        axes = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]) / np.sqrt(2.0)
+        corners = product((-half[0], half[0]), (-half[1], half[1]), z)
+        return np.array([[16.0, 0.0, 0.0] + a * axes[0] + b * axes[1] + [0.0, 0.0, c] for a, b, c in corners])
+
+    flange, leg = Box((50, 30, 6), centre=(5, 0, 9)).vertices, Box((6, 6, 8), centre=(-8, 0, 2)).vertices
+    legs = Body.from_parts([flange, leg, groove((4, 2), (-2, 6))], name="locator", seed=(-8, 0, 2))
+    pocket, aslant = Box((6.2, 6.2, 20), centre=(-8, 0, 0)), Body.convex(groove((8, 2.1), (-7, 7)), name="aslant")
+    board = cut(Box((80, 50, 9), centre=(0, 0, -1.5)), pocket, aslant, name="board")
+    places = [(4, 1, 1), (4, -1, -1), (2, -1, 1), (2, 1, -1)]
+    sides = [{"through": (16 + x * far / np.sqrt(2.0), y * far / np.sqrt(2.0), 2)} for far, x, y in places]
+    pitch = Size("pitch", "movable", faces=sides, along="x", tolerance=0.3)
+    problem = Problem(legs, board, sizes=[pitch], goal="clear", motion=X >> Translation("y"), unit="mm")
+    found = one(problem, None, "worst", largest=0.6)
+    assert found.tolerance == pytest.approx(0.2 + 0.1 * np.sqrt(2.0), rel=1e-6)
+    assert found.end is End.MISFIT
+    assert found.advice.startswith("does not fit: locator and board overlap by ")

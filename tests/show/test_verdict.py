@@ -19,18 +19,18 @@ from manifold3d import Manifold
 import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif import fitting
+from fcdm_opt.design.whatif.fitting import barred_text
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem import fit
 from fcdm_opt.show.assemblies import assembly_verdict, print_answers
 from fcdm_opt.show.printing import printed
 from fcdm_opt.show.solved import SolvedCase
-from fcdm_opt.show.tables import verdict_cell
+from fcdm_opt.show.tables import print_solutions, verdict_cell
 from fcdm_opt.show.texts import advised, parameter_texts, telling
 from fcdm_opt.show.verdict import (
     _without_clearance,
     answer_text,
-    barred_text,
     fit_text,
     labels_in_words,
     motion_said,
@@ -192,6 +192,12 @@ def test_gaps_over_the_whole_tolerance(off: float) -> None:
     words = {True: "apart", False: "overlapping"}
     ends = [f"{abs(off + s * 0.03):.4g} mm {words[off + s * 0.03 > 0]}" for s in (-1.0, 1.0)]
     assert fit_text(problem) == f"unmoved, over the whole tolerance: from {ends[0]} to {ends[1]}"
+    cases = [
+        SolvedCase(fo.solve(problem.changed(name=name, tolerance=own))) for name, own in (("one", 0.01), ("two", 0))
+    ]
+    told = " ".join(printed(print_solutions, cases).split())  # it was not told of which case
+    assert f"one: {fit_text(problem)}" in told
+    assert f"two: unmoved, over the whole tolerance: from {abs(off):.4g} mm" in told
 
 
 @pytest.mark.parametrize(("radius", "kind"), [(9.9, "transition"), (9.6, "clearance"), (10.4, "interference")])

@@ -23,7 +23,7 @@ from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.design.sizes import by_name, not_counted, tolerance_boxes
 from fcdm_opt.design.stack.loops import decisive
-from fcdm_opt.design.whatif.fitting import Order, narrowed, order
+from fcdm_opt.design.whatif.fitting import NOT_MET, Order, barred_text, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments, known_word
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -35,11 +35,11 @@ from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.plain import Plain, plain
 from fcdm_opt.problem import arguments
 from fcdm_opt.problem.assembly import Assembly
-from fcdm_opt.problem.fit import mismatched, verdict
+from fcdm_opt.problem.fit import verdict
 from fcdm_opt.problem.keys import Requirement
 from fcdm_opt.problem.problem import SIGNS, Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import IMPOSSIBLE, Bounded, Status
+from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -74,14 +74,16 @@ Deviations = Literal["made", "larger", "smaller"]
 
 
 class End(Enum):
-    """What ends a budget; the value says it in words."""
+    """What ends a budget; the value says it in words, those of `barred_text` where there is no motion to use."""
 
     LIMIT = "the least amount exceeds the limit"
-    NO_MOTION = "there is no motion"
-    NOT_FOUND = "no motion was found, and none is proved impossible"
-    OUTSIDE_FIT = "the motion leaves the fit"
-    MISFIT = "the parts do not go together"
-    NOT_VERIFIED = "the judge rejects the motion"
+    MISFIT = "does not fit"
+    NOT_MET = NOT_MET
+    NO_MOTION = Status.INFEASIBLE.words
+    NOT_FOUND = Status.NOT_FOUND.words
+    NOT_IN_STEPS = Status.NOT_IN_STEPS.words
+    BEYOND_RANGE = Status.LEFT_COHERENT_RANGE.words
+    NOT_VERIFIED = Status.NOT_VERIFIED.words
     LARGEST = "the largest tolerance looked at is still good"
     TIME = "the time limit was met"
 
@@ -109,7 +111,8 @@ class Budget(Plain):
     end: End  # what is wrong just above it; or that the time limit was met, so that larger ones may be good
     # at `tolerance`, None where that is 0 and the parts as drawn are not good, or the question does not hold there
     solution: Bounded | None
-    above: Bounded | None  # at the upper end of the bracket, None where the largest tolerance looked at is good
+    # at the upper end of the bracket, or past it where the judge can tell; None where the largest looked at is good
+    above: Bounded | None
     # the last tolerance found good and the first found bad; both 0 where parts as drawn are not good
     bracket: tuple[float, float]
     limit: float | None
@@ -176,10 +179,10 @@ class Budget(Plain):
         """What ends it, in words: of all corners at which, with the widths where the parts do not go together."""
         if self.above is None:
             return self.end.value
-        why = "" if self.above.usable else verdict(self.above.question)
+        head, _, why = (verdict(self.above.question) * (self.end is End.MISFIT) or self.end.value).partition(": ")
         made = self.above.question.made.items() if self.requirement == "corners" else ()
         at = ", ".join(f"{name} {x + 0.0:+.6g}" for name, x in made)
-        return f"{self.end.value}{f' at {at}' * bool(at)}{f': {why}' * bool(why)}"
+        return f"{head}{f' at {at}' * bool(at)}{f': {why}' * bool(why)}"
 
     @property
     def closed_text(self) -> str:
@@ -589,18 +592,21 @@ class _Tolerances:
             if low is None:
                 drawn = self.at(0.0)
                 low, high = (drawn, high) if drawn.good else (None, drawn)
+        if high is not None and high.solution.status is Status.NOT_VERIFIED:  # rounding, it may be: look past that
+            past = self.at(min(high.tau + self.smallest, self.largest))
+            high = high if past.good else high._replace(solution=past.solution)
         return self._result(low, high, lie, why, spacing)
 
     def _result(self, low: _Point | None, high: _Point | None, lie: Order, why: str, spacing: float) -> Budget:
-        tolerance = 0.0 if low is None else low.tau
+        tolerance, above = 0.0 if low is None else low.tau, None if high is None else high.solution
         touching: TouchingSizes | None = vars(self).get("touching")  # where it was asked for in time
         return Budget(
             requirement=self.letter,
             tolerance=tolerance,
             table=frozen(tolerance * self.shape),
-            end=self._end(high),
+            end=End.LARGEST if above is None else End.LIMIT if above.usable else End(barred_text(above)),
             solution=None if low is None else low.solution,
-            above=None if high is None else high.solution,
+            above=above,
             bracket=(tolerance, self.largest if high is None else high.tau),
             limit=self.limit,
             points=len(self.points),
@@ -612,26 +618,13 @@ class _Tolerances:
             permanent=touching.permanent_in_words if touching else (),
         )
 
-    def _end(self, high: _Point | None) -> End:
-        if high is None:
-            return End.LARGEST
-        if not high.solution.status.found:
-            return End.NO_MOTION if high.solution.status in IMPOSSIBLE else End.NOT_FOUND
-        if high.solution.status.name == "OUTSIDE_FIT":
-            return End.OUTSIDE_FIT
-        if high.solution.usable:
-            return End.LIMIT
-        return End.MISFIT if mismatched(high.solution.question) else End.NOT_VERIFIED
-
     def _nested(self, lie: Order) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance where there is one stretch of good ones at most."""
-        if lie is Order.ALL_OR_NONE:
-            zero = self.at(0.0)
-            return (self.at(self.largest), None) if zero.good else (None, zero)
-        first, last = self.at(self.smallest), self.at(self.largest)
-        if last.good:
-            return last, None
-        return self._narrowed(first, last) if first.good else (None, first)
+        first = self.at(0.0 if lie is Order.ALL_OR_NONE else self.smallest)
+        if not first.good:
+            return None, first
+        last = self.at(self.largest)
+        return (last, None) if last.good else self._narrowed(first, last)
 
     def _scanned(self) -> tuple[_Point | None, _Point | None]:
         """Return the last good and the first bad tolerance of all that are looked at, from the smallest."""

@@ -20,11 +20,11 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import shortest
 from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.motion.motions import Translation
-from fcdm_opt.problem.fit import lack, misfit
+from fcdm_opt.problem.fit import lack, misfit, verdict
 from fcdm_opt.problem.keep_out import holds_seed
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
-from fcdm_opt.problem.solution import Bounded
+from fcdm_opt.problem.solution import Bounded, Status
 from fcdm_opt.solver import has_motion, solve
 from fcdm_opt.tolerances import DEFAULT
 
@@ -37,6 +37,7 @@ FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for tha
 LEVER = 0.25  # share of the largest change of a width by a size from which on another one helps it, too
 NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see what it does to widths
 MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
+NOT_MET = "clearance not met"  # of parts that fit without one
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
 
 
@@ -146,6 +147,16 @@ def without_clearance(scene: Scene, *, keep_outs: bool = False) -> Any:
     known = [own.name for own in constraints(scene) if own.value > 0.0 and own.name.startswith(heads)]
     known += [f"keep-out {own.name!r}" for own in scene.keep_out if keep_outs]
     return usable_answer(without(scene, known)) if known else None
+
+
+def barred_text(solution: Bounded) -> str:
+    """Return how a solve without a motion to use ended: "does not fit", "clearance not met"; of others "verified"."""
+    asked, outside = solution.question, solution.status is Status.OUTSIDE_FIT
+    if solution.usable:
+        return "verified"
+    if outside and not solution.stopped and without_clearance(asked) is not None:  # else there is no time to ask more
+        return NOT_MET
+    return "does not fit" if outside or verdict(asked) else solution.status.words
 
 
 @lru_cache(maxsize=16)
@@ -373,7 +384,9 @@ def order(problem: Scene, made: str = "") -> tuple[Order, str]:
     if by_name(problem) and problem.goal == "clear" and problem.pair != "touch":
         if problem.motion.shifts and _has_most_material(problem):  # the length that weighs turns may follow sizes
             return Order.FROM_ZERO, "faces only move outwards: a motion that clears larger parts clears smaller ones"
-        if (made or problem.request["made"]) == "loosest" and alone and bool((problem.target == 1.0).all()):
+        drawn_within = all(low <= 0.0 <= high for low, high in (size.tolerance or (0.0, 0.0) for size in problem.sizes))
+        loosest = (made or problem.request["made"]) == "loosest" and alone and bool((problem.target == 1.0).all())
+        if loosest and drawn_within:  # else the largest gap within may be less than as drawn
             need = problem.clearance - problem.contact_slack
             if float(problem.changed(made=None).curve.gap(problem.target)) >= need:  # all as drawn
                 return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"

@@ -21,7 +21,7 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.design.whatif.constraints import Constraint, PlainMotion, constraints, excesses, without
-from fcdm_opt.design.whatif.fitting import ACCURACY, largest_share
+from fcdm_opt.design.whatif.fitting import ACCURACY, barred_text, largest_share
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.units import measured, shortest
 from fcdm_opt.judge.placed_parts import gone_through
@@ -124,7 +124,7 @@ class Trial(PlainMotion):
 
     def __str__(self) -> str:
         if not self.solution.usable:
-            return f"{self.change}: no motion to use ({self.solution.status.words})"
+            return f"{self.change}: no motion to use ({barred_text(self.solution)})"
         amount, question = measured(self.solution.amount, self.solution.amount_unit), self.solution.question
         moved = question.motion_texts(self.solution.coordinates.values()).items()
         motion = "; ".join(f"{part} {text}" if len(moved) > 1 else text for part, text in moved)

@@ -16,6 +16,7 @@ from fcdm_opt.curve.segments import SwitchingPoint
 from fcdm_opt.design.question import excluded
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.constraints import scene_of
+from fcdm_opt.design.whatif.fitting import barred_text
 from fcdm_opt.errors import InputError, closest
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
@@ -316,7 +317,8 @@ class WhatIf(Plain, NotebookRepr):
         told = f"predicted {number_text(self.predicted_amount)}"
         if np.isnan(self.predicted_amount):
             told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
-        changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {self.after.status.words}"
+        ended = self.after.status.words if self.after.usable else barred_text(self.after)
+        changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {ended}"
         return "; ".join(filter(None, [changed, self.unchanged_text, *beyond_tolerances(self.after.question)]))
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.design.question import canonical, digest
 from fcdm_opt.design.sizes import beyond_tolerances
-from fcdm_opt.design.whatif.fitting import quick_answer
+from fcdm_opt.design.whatif.fitting import barred_text, quick_answer
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import deviation_of
@@ -49,7 +49,7 @@ from fcdm_opt.show.stacks import (
     stack_notes,
 )
 from fcdm_opt.show.texts import NONE, dimensions_text, number, shown
-from fcdm_opt.show.verdict import barred_text, fit_text, name_of, verdict_text
+from fcdm_opt.show.verdict import fit_text, name_of, verdict_text
 from fcdm_opt.tolerances import DEFAULT
 
 STACKED = 4000  # part pairs, and rows of these, that a stack-up may look at: beside an answer

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fcdm_opt.design.study.results import DRAW, StudyResult
+from fcdm_opt.design.whatif.fitting import barred_text
 from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
@@ -24,7 +25,7 @@ from fcdm_opt.show.report.frames import assembly_scene
 from fcdm_opt.show.report.gather import made
 from fcdm_opt.show.scene import scene_pieces
 from fcdm_opt.show.studies import axis_text, study_figure
-from fcdm_opt.show.verdict import barred_text, length_text
+from fcdm_opt.show.verdict import length_text
 
 Data = Mapping[str, Any]
 
