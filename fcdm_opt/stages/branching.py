@@ -44,7 +44,6 @@ CELLS_MORE = 60_000  # the same, for more parameters
 FEWEST = 100  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
 SOON = 2e6  # the same: about a second; of three parameters within limits less than the program takes to give up
-SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 AGAIN = 1e-2  # relative: nor those this near to one from where a search found nothing
@@ -220,8 +219,7 @@ def _doubtful(task: Task, answer: Answer) -> bool:
 
 def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf) -> tuple[Answer, bool]:
     """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
-    seconds = min(SECONDS, until - perf_counter()) if np.isinf(until) else until - perf_counter()
-    found = least_over_turns(task, upper=answer, gap=gap, seconds=seconds, share=share)
+    found = least_over_turns(task, upper=answer, gap=gap, seconds=until - perf_counter(), share=share)
     if found is None:
         return answer, False
     amount = _amount(task, answer)

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from solids import box
 
 import fcdm_opt as fo
 from fcdm_opt import pacing
@@ -108,6 +109,23 @@ def test_the_same_file_gives_the_same_data_but_for_times():
 
     asked = "boxes", "close the gap"
     assert timeless(gathered(*asked)) == timeless(gather([opened(*asked)], certify=False, frames=0.0))
+
+
+def test_the_proof_in_a_report_was_weaker_than_that_of_solve_on_a_busy_machine(monkeypatch):
+    """A cube 0.1 into one wall and 0.2 into another: turned it is wider, so it is shifted by hypot(0.1, 0.2)."""
+    walls = [box([-3.0, -3.0, -1.0], [-0.9, 3.0, 1.0]), box([-3.0, -3.0, -1.0], [3.0, -0.8, 1.0])]
+    bodies = fo.Body.convex(box([-1.0] * 3, [1.0] * 3), name="cube"), fo.Body.from_parts(walls, seed=[-2.0] * 3)
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Rotation("z")
+    asked = fo.Problem(*bodies, motion=motion, goal="clear", nominal=(1.0, 1.0), target=(1.0, 1.0))
+    ticks = itertools.count(0.0, 1.0)  # a second is over at each look at the clock
+    for name in ("stages.branching", "stages.turns", "proof.columns"):
+        monkeypatch.setattr(f"fcdm_opt.{name}.perf_counter", lambda: next(ticks), raising=False)
+    problems = tuple(asked.changed(name=str(k)) for k in range(2))
+    cases = gather([Opened(Path("own.toml"), problems=problems)], frames=0.0)["cases"]
+    for case in cases:
+        assert case["amount"] == pytest.approx(np.hypot(0.1, 0.2), rel=1e-9)
+        assert np.hypot(0.1, 0.2) * (1.0 - 1e-4) <= case["lower_bound"] <= case["amount"]
+        assert case["lower_bound"] == fo.solve(asked, certify=True).lower_bound
 
 
 def test_head_of_the_report():
