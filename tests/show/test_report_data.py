@@ -830,13 +830,13 @@ def test_what_matters_most_was_told_where_nothing_fits():
     assert case["limits"] == "limits TX from -0.3 to 0.5 mm"
     # within a tolerance of .3 about drawn: .12 off the other way it needs no shift of .08
     most = _sensitivities(fo.solve(problem.changed(sizes=[replace(size, tolerance=0.3)])))["most"]
-    assert (most["unit"], most["value"]) == ("at -0.12 mm, not +0.18 mm", pytest.approx(-0.08))
+    assert (most["unit"], most["value"]) == ("at -0.12 mm in place of +0.18 mm", pytest.approx(-0.08))
 
 
 def test_what_matters_most_is_a_size():
     (case,) = gathered("slot_and_key", "low foot, deep slot")["cases"]
     most = case["sensitivities"]["most"]
-    told = "slot_depth of slot", "at -0.01 mm, not +0.04 mm"  # .05 off is the end of its tolerance
+    told = "slot_depth of slot", "at -0.01 mm in place of +0.04 mm"  # .05 off is the end of its tolerance
     assert (most["name"], most["unit"], most["value"]) == (*told, pytest.approx(-0.05))
 
 

@@ -429,6 +429,12 @@ def test_a_stack_up_of_several_cases_stood_in_each(plain):
     assert three.count("What each size contributes to the gap</caption>") == 2
     assert "What each size contributes" in three.split("<article")[3]
     assert "Of cases first and second plain." in visible(read(three))
+    notes = "it is the gap of the two bodies", "a sentence of all"  # of one with a keep-out
+    data["cases"][1]["stack"] = {**data["cases"][0]["stack"], "notes": [notes[1], notes[0]]}
+    data["cases"][0]["stack"] = data["cases"][2]["stack"] = {**data["cases"][0]["stack"], "notes": [notes[1]]}
+    once = page(data)
+    assert once.count("What each size contributes to the gap</caption>") == 1
+    assert [visible(read(once)).count(own[1:]) for own in notes] == [1, 1]
 
 
 def test_what_was_checked_of_what_is_impossible_is_said():
