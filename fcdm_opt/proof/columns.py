@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -135,17 +134,15 @@ def prove(
     upper: float,
     *,
     aims: Sequence[tuple[float, int]],
-    until: float = np.inf,
     search: Callable[[Array], Array | None] | None = None,
     checked: bool = True,
 ) -> Proof:
     """Bound the amount of every motion that does what a task asks.
 
     `upper` is the amount of a motion that is known to do; infinite if none is. `aims` are relative gaps between the
-    bound and `upper` that are enough, the finest first, each while no more than so many cells have been tested. `until`
-    is the `perf_counter` at which to stop besides. `search` takes a motion q near which nothing can be excluded, and
-    returns one there that does, if it finds one. `checked`: whether the evidence is to be what its checker knows; else
-    clearances are proved by swollen parts.
+    bound and `upper` that are enough, the finest first, each while no more than so many cells have been tested.
+    `search` takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
+    `checked`: whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
@@ -153,7 +150,7 @@ def prove(
     for _ in range(TURNS):
         looked = 0
         for gap, most in aims:
-            while looked < most and perf_counter() < until and not pacing.over():
+            while looked < most and not pacing.over():
                 enough = search_.enough(gap)
                 bounds = np.where(columns.stalled, np.inf, columns.bounds)
                 waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
@@ -166,7 +163,7 @@ def prove(
                     pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
                 search_.beside(columns)
         closed = columns.bounds.min() >= search_.enough(aims[-1][0])
-        if closed or perf_counter() > until or pacing.over() or not search_.ahead(columns):
+        if closed or pacing.over() or not search_.ahead(columns):
             break
     if not np.isfinite(search_.upper):
         _close_beyond(scene, columns, record)

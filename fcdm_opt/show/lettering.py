@@ -169,8 +169,8 @@ class Names:
         Points are the best first; the name stands in the direction `away`, (2,), on the page if it can, and a line of
         its colour leads to one that stands far off. With `upon` it stands upon the first point where it covers no other
         and no line, if there is one; else a line leads to it however near it stands, from a dot at the point. A `badge`
-        is a ground of its own, to be read on any body: of a number a light one on any page, of words the page's. Returns how far its middle is from that point, in
-        points of the page; None where it is left out.
+        is a ground of its own, to be read on any body: of a number a light one on any page, of words the page's.
+        Returns how far its middle is from that point, in points of the page; None where it is left out.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox

@@ -207,7 +207,8 @@ def _key(axes: Any, contacts: Sequence[Touching], shown: ShownBodies) -> tuple[t
 def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touching]:
     """Return the contacts that get an inset, one of each number, in order: of many first those that are open.
 
-    Then those that the motion closed, and those on which it slid; of these those that look unlike, and of these the first of each two bodies.
+    Then those that the motion closed, and those on which it slid; of these those that look unlike, and of these the
+    first of each two bodies.
     """
     insets: list[Touching] = []
     for contact in contacts:

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,13 +102,13 @@ def confirmed(task: Task, answer: Answer) -> Answer:
 
 
 def proved(
-    task: Task, answer: Answer, *, gap: float, seconds: float | None = None, share: float = 1.0
+    task: Task, answer: Answer, *, gap: float, timed: bool = False, share: float = 1.0
 ) -> tuple[Answer, Evidence | None]:
     """Return what stages found with a lower bound that is proved, and what proves it; a better motion if one comes up.
 
-    The relative `gap` between amount and bound is enough. `seconds` is the wall time after which to stop in place of a
-    number of cells, which does not depend on the machine; `share` is of the cells that are looked at for three
-    parameters and more, which seldom end by themselves.
+    The relative `gap` between amount and bound is enough. `timed`: the time given ends it, in place of a number of
+    cells, which does not depend on the machine; `share` is of the cells that are looked at for three parameters and
+    more, which seldom end by themselves.
     """
     if not np.isfinite(answer.lower_bound) and share < 1.0:
         return answer, None
@@ -120,33 +119,32 @@ def proved(
         soon = tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not (few or soon):  # cells would show less than the stage has proved, at a high price
             return answer, None
-    until = np.inf if seconds is None else perf_counter() + seconds
     checked = share == 1.0
     if (turned := _turned_back(task)) is not None:
         still = replace(task, limits=frozen(np.where(turned[:, None], 0.0, task.limits)))
-        bound = bounded(still, answer, aims=[(gap, PROVING)], until=until, checked=False)[0].lower_bound
+        bound = bounded(still, answer, aims=[(gap, PROVING)], timed=timed, checked=False)[0].lower_bound
         bound = min(bound, np.pi * float(task.weights[turned].sum()), _amount(task, answer))
         answer = replace(answer, lower_bound=max(bound, answer.lower_bound))
         if not checked and _closed(task, answer, gap * (1.0 + DEFAULT.nominal)):
             return answer, None
     if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
-        answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
+        answer = proved(task, answer, gap=gap, timed=timed, share=SHOWN_SHARE)[0]
     if few:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
         close, most = (CONFIRMING, PROVING) if gap < SHOWN_GAP else (SOON, CONFIRMING)
         aims = [*([(CONFIRMED_GAP, close)] if fine else []), (gap, most)]
         if checked and answer.q is not None and _closed(task, answer, EXACT_GAP):  # a closed form is to be told as one
             aims.insert(0, (EXACT_GAP, SOON))
-        return bounded(task, answer, aims=aims, until=until, checked=checked)
-    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
+        return bounded(task, answer, aims=aims, timed=timed, checked=checked)
+    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         # turned a little, both ways about each axis: parallel faces are no more so
         steps = np.diag(SPREAD * task.amount(answer.q) / task.weights)[task.spins.any(axis=1)]
         answer = spread(task, answer, [answer.q + sign * step for step in steps for sign in (1.0, -1.0)])
         closed = _closed(task, answer, gap)
-    if closed or perf_counter() > until or pacing.over():
+    if closed or pacing.over():
         return answer, None
-    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
+    return bounded(task, answer, aims=[(gap, PROVING)], share=share, timed=timed, checked=checked)
 
 
 def _turned_back(task: Task) -> NDArray[np.bool_] | None:
@@ -217,9 +215,9 @@ def _doubtful(task: Task, answer: Answer) -> bool:
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 
 
-def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf) -> tuple[Answer, bool]:
+def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0) -> tuple[Answer, bool]:
     """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
-    found = least_over_turns(task, upper=answer, gap=gap, seconds=until - perf_counter(), share=share)
+    found = least_over_turns(task, upper=answer, gap=gap, share=share)
     if found is None:
         return answer, False
     amount = _amount(task, answer)
@@ -246,14 +244,14 @@ def bounded(
     *,
     aims: Sequence[tuple[float, float]],
     share: float = 1.0,
-    until: float = np.inf,
+    timed: bool = False,
     checked: bool = True,
 ) -> tuple[Answer, Evidence | None]:
     """Return an answer, of a motion or none yet, with a bound by `prove`: better or settled where that is so.
 
     `aims` are relative gaps between bound and amount that are enough, the finest first, and up to which effort, in
     cells times vertices of a cell's tests; after the last the bound is what it is. `share` is of the efforts, and of
-    `CELLS`; `until` the `perf_counter` at which to stop in place of the last effort; `checked` as of `prove`.
+    `CELLS`; where it is `timed` the time given is in place of the last effort; `checked` as of `prove`.
     """
     if task.part_pairs > MOST_PAIRS:
         return answer, None
@@ -279,9 +277,9 @@ def bounded(
 
     try:
         cells = [(gap, _most(task, effort, share, not checked)) for gap, effort in aims]
-        if np.isfinite(until):  # that ends the last of them
+        if timed:
             cells[-1] = aims[-1][0], sys.maxsize
-        proof = prove(task, upper, aims=cells, until=until, search=search, checked=checked)
+        proof = prove(task, upper, aims=cells, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)

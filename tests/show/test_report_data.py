@@ -118,7 +118,7 @@ def test_the_proof_in_a_report_was_weaker_than_that_of_solve_on_a_busy_machine(m
     motion = fo.Translation("x") >> fo.Translation("y") >> fo.Rotation("z")
     asked = fo.Problem(*bodies, motion=motion, goal="clear", nominal=(1.0, 1.0), target=(1.0, 1.0))
     ticks = itertools.count(0.0, 1.0)  # a second is over at each look at the clock
-    for name in ("stages.branching", "stages.turns", "proof.columns"):
+    for name in ("stages.branching", "stages.turns", "proof.columns", "pacing"):
         monkeypatch.setattr(f"fcdm_opt.{name}.perf_counter", lambda: next(ticks), raising=False)
     problems = tuple(asked.changed(name=str(k)) for k in range(2))
     cases = gather([Opened(Path("own.toml"), problems=problems)], frames=0.0)["cases"]

@@ -78,10 +78,7 @@ def page(payload: Data) -> str:
 
 
 def _shared_stacks(cases: Sequence[Data], files: Sequence[Data]) -> dict[int, Data]:
-    """Return by the numbers of cases the stack-ups that several have, with an identifier, cases, file and parts.
-
-    Notes may differ, as on keep-outs, which are no part of the gap: all are told.
-    """
+    """Return by the numbers of cases the stack-ups that several have, with identifier, cases, file, parts and notes."""
     known = list[tuple[Data, list[int]]]()
     for number, case in enumerate(cases):
         own = {key: value for key, value in (case["stack"] or {}).items() if key not in ("chart", "notes")}
