@@ -163,6 +163,6 @@ def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> 
         if met := scene.contacts_of(decision_curve(*both.bodies), np.ones(2), both):
             if len(contacts) == 1:
                 contacts = [contacts[0]._replace(number=1, told=f"{names[0]} - {names[1]}")]
-            number, told = max((own.number for own in contacts), default=0) + 1, f"{names[0]} - {names[k]}"
-            contacts += [own._replace(pair=(0, k), number=number, told=told) for own in met]
+            number, label = max((own.number for own in contacts), default=0) + 1, f"{names[0]} - {names[k]}"
+            contacts += [own._replace(pair=(0, k), number=number, told=label) for own in met]
     return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

@@ -400,7 +400,7 @@ def test_a_verdict_of_several_sentences_ran_on():
 def test_what_matters_most_was_told_with_a_negative_amount():
     data = payload()
     most = data["cases"][0]["sensitivities"]["most"]
-    for value, told in ((-0.07678, "0.07678 mm less"), (0.5, "0.5 mm more")):
+    for value, told in ((-0.07678, "0.07678 less"), (0.5, "0.5 more")):
         data["cases"][0]["sensitivities"]["most"] = {**most, "value": value, "about": False, "outcome": ""}
         assert f"amount {told}" in visible(read(page(data)))
 
