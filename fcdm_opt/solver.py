@@ -435,7 +435,7 @@ def _least_motion(task: Task, model: str) -> Answer:
 def _proved(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[Answer, ProofData | None]:
     """Return the answer, or a better one, with the bound that is asked for, and what proves it if that is asked for."""
     pacing.at("proving that nothing smaller does")
-    with suppress(pacing.TimeOverError):
+    with suppress(pacing.TimeOverError), pacing.within(how.seconds, share=1.0):
         return _bounded(problem, task, answer, how)
     return answer, None
 
@@ -447,18 +447,18 @@ def _bounded(problem: Problem, task: Task, answer: Answer, how: _How) -> tuple[A
         return answer, proof_of(problem, task, answer) if how.certify else None
     if how.certify:
         cells, before = len(task.weights) <= MOST_CHECKED, answer.q
-        if not cells and (shown := _by_multipliers(problem, answer, how.seconds)):
+        if not cells and (shown := _by_multipliers(problem, answer)):
             return shown
-        answer, evidence = proved(task, answer, gap=GAP, seconds=how.seconds)
+        answer, evidence = proved(task, answer, gap=GAP, timed=how.seconds is not None)
         if cells or answer.q is before:
             return answer, evidence
-        return _by_multipliers(problem, answer, how.seconds) or (answer, None)
+        return _by_multipliers(problem, answer) or (answer, None)
     if how.model != "auto":
         return answer, None
     if how.effort == "quick":
         return confirmed(task, answer) if how.confirm else answer, None
     with pacing.within(SHOWN_SECONDS if problem.partial else None, share=1.0):
-        return proved(task, answer, gap=SHOWN_GAP, seconds=how.seconds, share=SHOWN_SHARE)[0], None
+        return proved(task, answer, gap=SHOWN_GAP, timed=how.seconds is not None, share=SHOWN_SHARE)[0], None
 
 
 def evidence_of(problem: Problem) -> ProofData | None:
@@ -467,10 +467,9 @@ def evidence_of(problem: Problem) -> ProofData | None:
     return _proved(problem, task, _least_motion(task, "auto"), _How("auto", True, "proved", None))[1]
 
 
-def _by_multipliers(problem: Problem, answer: Answer, seconds: float | None) -> tuple[Answer, ProofData] | None:
-    """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do in that time."""
-    with pacing.within(seconds, share=1.0):
-        found = None if answer.q is None else pacing.in_time(smallest_by_multipliers, problem, answer.q, late=None)
+def _by_multipliers(problem: Problem, answer: Answer) -> tuple[Answer, ProofData] | None:
+    """Return an answer with its amount as bound, and what shows that, if multipliers of its contact do in time."""
+    found = None if answer.q is None else pacing.in_time(smallest_by_multipliers, problem, answer.q, late=None)
     return found and (replace(answer, lower_bound=found[0]), found[1])
 
 

@@ -220,19 +220,17 @@ class DecisionCurve(NotebookRepr, Plain):
     def touching(self, rho: ArrayLike) -> tuple[tuple[Contact, Array], ...]:
         """Return what touches at a scale pair on the curve, each contact with what is shared there; see `contact_sets`.
 
-        Of very many part pairs without listing their curve.
+        Of very many part pairs without listing their curve, as of parts that touch at all scales.
         """
         point, bodies = _pair(rho), (self.movable, self.static)
         slack = DEFAULT.nominal * max(body.size for body in bodies)
-        if len(self.movable.parts) * len(self.static.parts) > LISTED:
+        found = self.locate(point) if len(self.movable.parts) * len(self.static.parts) <= LISTED else None
+        if isinstance(found, SwitchingPoint):
+            return tuple(zip(found.touching, found.contact_sets, strict=True))
+        if found is None:
             on_curve = abs(self.near_gap(point, slack)) <= slack
             met = without_borders(meetings(*bodies, self.pose, point, slack)) if on_curve else ()
         else:
-            found = self.locate(point)
-            if found is None:
-                return ()
-            if isinstance(found, SwitchingPoint):
-                return tuple(zip(found.touching, found.contact_sets, strict=True))
             piece = found.piece_at(point)
             others = meetings(*bodies, self.pose, point, slack)
             met = (Meeting(piece.parts, piece.contact), *(own for own in others if own.parts != piece.parts))

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -134,24 +133,22 @@ def prove(
     upper: float,
     *,
     aims: Sequence[tuple[float, int]],
-    until: float = np.inf,
     search: Callable[[Array], Array | None] | None = None,
     checked: bool = True,
 ) -> Proof:
     """Bound the amount of every motion that does what a task asks.
 
     `upper` is the amount of a motion that is known to do; infinite if none is. `aims` are relative gaps between the
-    bound and `upper` that are enough, the finest first, each while no more than so many cells have been tested. `until`
-    is the `perf_counter` at which to stop besides. `search` takes a motion q near which nothing can be excluded, and
-    returns one there that does, if it finds one. `checked`: whether the evidence is to be what its checker knows; else
-    clearances are proved by swollen parts.
+    bound and `upper` that are enough, the finest first, each while no more than so many cells have been tested.
+    `search` takes a motion q near which nothing can be excluded, and returns one there that does, if it finds one.
+    `checked`: whether the evidence is to be what its checker knows; else clearances are proved by swollen parts.
     """
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
     columns = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0)
     looked = 0
     for gap, most in aims:
-        while looked < most and perf_counter() < until and not pacing.over():
+        while looked < most and not pacing.over():
             enough = search_.enough(gap)
             bounds = np.where(columns.stalled, np.inf, columns.bounds)
             waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))

@@ -8,8 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fcdm_opt import pacing
-from fcdm_opt.curve.decision_curve import DecisionCurve
+from fcdm_opt.curve.decision_curve import DecisionCurve, decision_curve
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.lazy_import import extra
@@ -144,12 +146,11 @@ def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> 
     bodies = problem.movable, problem.static
     shown = scene.ShownBodies.of(*bodies, rho=rho, transform=transform, keep_out=keep_out, view=view, said=refused)
     counted = problem.contacts or solution.features
-    contacts = list[Touching]()
+    contacts, names = list[Touching](), [label.partition(": ")[2] for *_, label in shown.solids]
     if refused:  # why there is no motion to use
         part = problem.movable.scaled(rho[0])
         part = part if transform is None else part.moved(transform)
         placed = part, problem.static.scaled(rho[1]), *(solid for solid, *_ in shown.solids[2:])
-        names = [label.partition(": ")[2] for *_, label in shown.solids]
         needs: dict[tuple[int, ...], float] = {(0, 1): problem.clearance}
         for own, body in zip(problem.keep_out, keep_out, strict=True):
             needs |= {(0, k): own.clearance for k, (solid, *_) in enumerate(shown.solids) if solid is body}
@@ -157,4 +158,11 @@ def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> 
     contacts = contacts or scene.contacts_of(moved, rho, shown, counted, problem)
     if not contacts and (gap := pacing.in_time(Touching.gap, moved, rho, *shown.bodies, late=None)) is not None:
         contacts = [gap]
+    for k in range(2, 2 if refused else len(names)):  # keep-outs that the part stands at
+        both = replace(shown, solids=[shown.solids[0], shown.solids[k]], named=None)
+        if met := scene.contacts_of(decision_curve(*both.bodies), np.ones(2), both):
+            if len(contacts) == 1:
+                contacts = [contacts[0]._replace(number=1, told=f"{names[0]} - {names[1]}")]
+            number, label = max((own.number for own in contacts), default=0) + 1, f"{names[0]} - {names[k]}"
+            contacts += [own._replace(pair=(0, k), number=number, told=label) for own in met]
     return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

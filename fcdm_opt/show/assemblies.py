@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations, count
 from types import MappingProxyType
 from typing import Any
 
@@ -180,10 +180,11 @@ def _cells(solution: AssemblySolution) -> list[dict[str, str]]:
 def touching(solution: AssemblySolution) -> list[Touching]:
     """Return what touches after the motions, and gaps, in the world, with numbers of contacts; none without motions.
 
-    Of two parts that touch at several places each has its number, of a few.
+    A contact has the file's number; of two parts that touch at several places, a few, others have numbers after these.
     """
     found, asked, rows = list[Touching](), solution.assembly.contacts, [*solution.assembly.parts]
-    for pair, own in zip(asked, solution.contacts, strict=False):
+    further = count(len(asked) + 1)
+    for first, (pair, own) in enumerate(zip(asked, solution.contacts, strict=False), 1):
         if own.transform is None:
             continue
         problem, pose = own.problem, np.asarray(solution.transforms.get(pair.two, np.eye(4)))
@@ -192,12 +193,13 @@ def touching(solution: AssemblySolution) -> list[Touching]:
         curve = problem.curve_after(own.transform, rho)
         met = contacts_of(curve, rho, shown, own.features, problem)
         met = met or [*filter(None, [Touching.gap(curve, rho, *shown.bodies)])]
-        several, first = [*dict.fromkeys(one.number for one in met)], max((one.number for one in found), default=0) + 1
-        few, both = 1 < len(several) <= MOST_INSETS, (rows.index(pair.one), rows.index(pair.two))
+        several, both = [*dict.fromkeys(one.number for one in met)], (rows.index(pair.one), rows.index(pair.two))
+        few = 1 < len(several) <= MOST_INSETS
+        numbers = dict(zip(several, chain([first], further), strict=False)) if few else {}
         for one in met:
-            number, label = (first + several.index(one.number), one.told) if few else (first, str(pair))
+            number, label = (numbers[one.number], one.told) if few else (first, str(pair))
             found.append(one.moved(pose)._replace(number=number, told=label, pair=both))
-    return found
+    return sorted(found, key=lambda one: one.number)
 
 
 def barriers(

@@ -169,8 +169,8 @@ class Names:
         Points are the best first; the name stands in the direction `away`, (2,), on the page if it can, and a line of
         its colour leads to one that stands far off. With `upon` it stands upon the first point where it covers no other
         and no line, if there is one; else a line leads to it however near it stands, from a dot at the point. A `badge`
-        is a light ground of its own, to be read on any body and page. Returns how far its middle is from that point, in
-        points of the page; None where it is left out.
+        is a ground of its own, to be read on any body: of a number a light one on any page, of words the page's.
+        Returns how far its middle is from that point, in points of the page; None where it is left out.
         """
         spots = self._page(np.asarray(anchors, dtype=float).reshape(-1, 2))
         within = self._axes.bbox
@@ -179,7 +179,9 @@ class Names:
             return None
         look: dict[str, Any] = {"color": colour, "fontsize": NOTE, "ha": "center", "va": "center", "zorder": 6}
         rim = (
-            {"boxstyle": "circle,pad=0.15", "edgecolor": colour} if len(text) == 1 else {"edgecolor": "none", "pad": 1}
+            {"boxstyle": "circle,pad=0.15", "edgecolor": colour}
+            if len(text) == 1
+            else {"facecolor": "#FFFFFF", "edgecolor": "none", "pad": 1}  # follows the page's scheme, as its words do
         )
         look["bbox"] = {**BADGE, **rim} if badge else None
         label = self._axes.annotate(literal(text), (0, 0), xycoords="figure pixels", **look)

@@ -205,9 +205,10 @@ def _key(axes: Any, contacts: Sequence[Touching], shown: ShownBodies) -> tuple[t
 
 
 def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touching]:
-    """Return the contacts that get an inset, one of each number, in order: of many first those that the motion closed.
+    """Return the contacts that get an inset, one of each number, in order: of many first those that are open.
 
-    Then those on which it slid; of these those that look unlike, and of these the first of each two bodies.
+    Then those that the motion closed, and those on which it slid; of these those that look unlike, and of these the
+    first of each two bodies.
     """
     insets: list[Touching] = []
     for contact in contacts:
@@ -216,6 +217,7 @@ def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touchin
     changes = [change_at([body for body, _ in both], own, moved) for both, own, moved in map(shown.met, insets)]
     ranks = [
         (
+            own.kind != "gap",
             changes[k][1] == 0.0,
             not changes[k][0].any(),
             any(_look_alike(own, other) for other in insets[:k]),
@@ -530,7 +532,7 @@ def _name_old(
     names = Names(axes, dashes)
     for point, wide in (*((own, HEAD) for own in arrow), *((own, NUMBERED) for own in contacts)):
         names.keep(point, wide)
-    names.put("before", ends, away, colour=LINE, badge=True)
+    names.put("before", ends, away, colour=DARK, badge=True)
 
 
 def _joined(pieces: Iterable[Array], size: float) -> list[Array]:

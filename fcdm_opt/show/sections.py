@@ -338,10 +338,11 @@ def _side(facing: Array) -> str:
 def free_corner(half: float, lines: Array) -> tuple[float, float]:
     """Return where a bar of known length begins in a square about 0: in the first corner that lines keep clear of.
 
-    Where there is none, in the first that the first line, (2, 2), does.
+    Where there is none, at a side between corners, and then in the first that the first line, (2, 2), keeps clear of.
     """
     wide, high = CORNER * half, 0.35 * half  # with its label
-    corners = [(x, y) for x in (-0.92 * half, 0.92 * half - wide) for y in (-0.88 * half, 0.68 * half)]
+    sides = -0.92 * half, 0.92 * half - wide
+    corners = [(x, y * half) for rows in ((-0.88, 0.68), (-0.5, -0.1, 0.3)) for x in sides for y in rows]
     for some in (lines, lines[:1]):
         for x, y in corners:
             if not clipped(some, [[x, x + wide], [y - 0.1 * half, y + high]])[1].any():

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -42,7 +41,6 @@ CELLS_MORE = 60_000  # the same, for more parameters
 FEWEST = 100  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
 SOON = 2e6  # the same: about a second; of three parameters within limits less than the program takes to give up
-SECONDS = 20.0  # for the search over rotations
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
 BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
 AGAIN = 1e-2  # relative: nor those this near to one from where a search found nothing
@@ -101,13 +99,13 @@ def confirmed(task: Task, answer: Answer) -> Answer:
 
 
 def proved(
-    task: Task, answer: Answer, *, gap: float, seconds: float | None = None, share: float = 1.0
+    task: Task, answer: Answer, *, gap: float, timed: bool = False, share: float = 1.0
 ) -> tuple[Answer, Evidence | None]:
     """Return what stages found with a lower bound that is proved, and what proves it; a better motion if one comes up.
 
-    The relative `gap` between amount and bound is enough. `seconds` is the wall time after which to stop in place of a
-    number of cells, which does not depend on the machine; `share` is of the cells that are looked at for three
-    parameters and more, which seldom end by themselves.
+    The relative `gap` between amount and bound is enough. `timed`: the time given ends it, in place of a number of
+    cells, which does not depend on the machine; `share` is of the cells that are looked at for three parameters and
+    more, which seldom end by themselves.
     """
     if not np.isfinite(answer.lower_bound) and share < 1.0:
         return answer, None
@@ -118,26 +116,25 @@ def proved(
         soon = tested_vertices(task, swollen=False) * CELLS[MOST_CHECKED] <= CONFIRMING
         if share < 1.0 or not (few or soon):  # cells would show less than the stage has proved, at a high price
             return answer, None
-    until = np.inf if seconds is None else perf_counter() + seconds
     checked = share == 1.0
     if checked and task.needs.max() > 0.0:  # what the checker of evidence knows of clearances shows less
-        answer = proved(task, answer, gap=gap, seconds=seconds, share=SHOWN_SHARE)[0]
+        answer = proved(task, answer, gap=gap, timed=timed, share=SHOWN_SHARE)[0]
     if few:
         fine = task.weighted and _doubtful(task, answer)  # what is looked at anew is looked at closely, if that is soon
         close, most = (CONFIRMING, PROVING) if gap < SHOWN_GAP else (SOON, CONFIRMING)
         aims = [*([(CONFIRMED_GAP, close)] if fine else []), (gap, most)]
         if checked and answer.q is not None and _closed(task, answer, EXACT_GAP):  # a closed form is to be told as one
             aims.insert(0, (EXACT_GAP, SOON))
-        return bounded(task, answer, aims=aims, until=until, checked=checked)
-    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share, until)
+        return bounded(task, answer, aims=aims, timed=timed, checked=checked)
+    answer, closed = _turned(task, spread(task, answer, [*_unturned(task), task.start]), gap, share)
     if not closed and answer.q is not None and task.part_pairs <= FEW_PAIRS:
         # turned a little, both ways about each axis: parallel faces are no more so
         steps = np.diag(SPREAD * task.amount(answer.q) / task.weights)[task.spins.any(axis=1)]
         answer = spread(task, answer, [answer.q + sign * step for step in steps for sign in (1.0, -1.0)])
         closed = _closed(task, answer, gap)
-    if closed or perf_counter() > until or pacing.over():
+    if closed or pacing.over():
         return answer, None
-    return bounded(task, answer, aims=[(gap, PROVING)], share=share, until=until, checked=checked)
+    return bounded(task, answer, aims=[(gap, PROVING)], share=share, timed=timed, checked=checked)
 
 
 def least_apart(task: Task) -> Answer | None:
@@ -194,10 +191,9 @@ def _doubtful(task: Task, answer: Answer) -> bool:
     return bool(task.keep_out) or task.part_pairs > 1 or large or answer.stage != DESCENT
 
 
-def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0, until: float = np.inf) -> tuple[Answer, bool]:
+def _turned(task: Task, answer: Answer, gap: float, share: float = 1.0) -> tuple[Answer, bool]:
     """Return an answer with a bound by a search over rotations, and whether that is as near as asked."""
-    seconds = min(SECONDS, until - perf_counter()) if np.isinf(until) else until - perf_counter()
-    found = least_over_turns(task, upper=answer, gap=gap, seconds=seconds, share=share)
+    found = least_over_turns(task, upper=answer, gap=gap, share=share)
     if found is None:
         return answer, False
     amount = _amount(task, answer)
@@ -224,14 +220,14 @@ def bounded(
     *,
     aims: Sequence[tuple[float, float]],
     share: float = 1.0,
-    until: float = np.inf,
+    timed: bool = False,
     checked: bool = True,
 ) -> tuple[Answer, Evidence | None]:
     """Return an answer, of a motion or none yet, with a bound by `prove`: better or settled where that is so.
 
     `aims` are relative gaps between bound and amount that are enough, the finest first, and up to which effort, in
     cells times vertices of a cell's tests; after the last the bound is what it is. `share` is of the efforts, and of
-    `CELLS`; `until` the `perf_counter` at which to stop in place of the last effort; `checked` as of `prove`.
+    `CELLS`; where it is `timed` the time given is in place of the last effort; `checked` as of `prove`.
     """
     if task.part_pairs > MOST_PAIRS:
         return answer, None
@@ -257,9 +253,9 @@ def bounded(
 
     try:
         cells = [(gap, _most(task, effort, share, not checked)) for gap, effort in aims]
-        if np.isfinite(until):  # that ends the last of them
+        if timed:
             cells[-1] = aims[-1][0], sys.maxsize
-        proof = prove(task, upper, aims=cells, until=until, search=search, checked=checked)
+        proof = prove(task, upper, aims=cells, search=search, checked=checked)
     except NotImplementedError:  # a motion or amount of the user's own that cannot be enclosed
         return answer, None
     bound = max(proof.lower_bound, answer.lower_bound)

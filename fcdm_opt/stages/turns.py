@@ -9,7 +9,6 @@ is left below the best known motion.
 from __future__ import annotations
 
 from functools import partial
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +23,10 @@ from fcdm_opt.stages import rays, turned_cells
 from fcdm_opt.tolerances import DEFAULT
 
 SPACE = 3  # dimensions
-MOST_CELLS = 400_000  # looked at before the search is left as it is: tens of seconds
+MOST_CELLS, WORK = 400_000, 4_000_000  # cells looked at, and times pairs of parts, at most: some 20 seconds
 SAME = 1e-14  # columns of a translation's matrix this near to orthogonal and equal are so but for rounding
 FINE, PROVED = 1e-9, 1e-7  # gap that the stage asks for, and the one with which it claims the smallest motion
-SHORT = 1.0  # seconds for it
+SHORT = 0.05  # share of these cells for it: about a second
 
 
 class Bound(NamedTuple):
@@ -43,17 +42,15 @@ class Bound(NamedTuple):
     closed: bool
 
 
-def least_over_turns(
-    task: Task, *, upper: Answer | None, gap: float, seconds: float, share: float = 1.0
-) -> Bound | None:
+def least_over_turns(task: Task, *, upper: Answer | None, gap: float, share: float = 1.0) -> Bound | None:
     """Bound the amount of a task from below, by cutting its rotations into cells; None where the task is not its own.
 
     Limits on translations, keep-outs, and parts of unions that the motion brings in each other's way are left out:
     the bound holds without them, but may not meet the answer then, which `upper` has to bring. It ends at a relative
-    `gap` between both, after so many seconds, or after its share of `MOST_CELLS`, alike on any machine.
+    `gap` between both, or after its share of `MOST_CELLS` and `WORK`, alike on any machine.
     """
     search = _TurnSearch.of(task)
-    return None if search is None else search.least(upper, gap, seconds, int(share * MOST_CELLS))
+    return None if search is None else search.least(upper, gap, share)
 
 
 def turns(task: Task) -> Answer | None:
@@ -129,10 +126,9 @@ class _TurnSearch:
             return np.ascontiguousarray(np.argwhere(gaps > 0)), none
         return none, apart
 
-    def least(self, upper: Answer | None, gap: float, seconds: float, most: int = MOST_CELLS) -> Bound:
-        """Cut cells until none is left below the best motion known."""
-        task, start = self.task, np.inf
-        best = np.full(7, np.inf)
+    def least(self, upper: Answer | None, gap: float, share: float) -> Bound:
+        """Cut cells until none is left below the best motion known, or a share of those allowed is looked at."""
+        task, best = self.task, np.full(7, np.inf)
         if upper is not None and upper.q is not None:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
@@ -141,11 +137,11 @@ class _TurnSearch:
         ways, cells = np.array([[0, len(pool)]]), 0
         self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
         touching = self.near(float(best[0]))
+        most = share * min(MOST_CELLS, WORK / max(1, len(touching) + len(self.apart)))
         nodes = self._root(float(best[0]))
-        while len(nodes) and cells + len(nodes) <= most and perf_counter() - start <= seconds and not pacing.over():
+        while len(nodes) and cells + len(nodes) <= most and not pacing.over():
             cells += len(nodes)
             nodes, ways, pool = self._advance(touching, nodes, ways, pool, best, gap)
-            start = min(start, perf_counter())  # the first generation may have been compiled
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)

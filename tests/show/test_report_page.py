@@ -397,6 +397,14 @@ def test_a_verdict_of_several_sentences_ran_on():
     assert "".join(listed) in page(data)
 
 
+def test_what_matters_most_was_told_with_a_negative_amount():
+    data = payload()
+    most = data["cases"][0]["sensitivities"]["most"]
+    for value, told in ((-0.07678, "0.07678 less"), (0.5, "0.5 more")):
+        data["cases"][0]["sensitivities"]["most"] = {**most, "value": value, "about": False, "outcome": ""}
+        assert f"amount {told}" in visible(read(page(data)))
+
+
 def test_one_sensitivity_is_a_sentence_and_no_chart():
     data = payload()
     for own in data["cases"]:
@@ -429,6 +437,12 @@ def test_a_stack_up_of_several_cases_stood_in_each(plain):
     assert three.count("What each size contributes to the gap</caption>") == 2
     assert "What each size contributes" in three.split("<article")[3]
     assert "Of cases first and second plain." in visible(read(three))
+    notes = "it is the gap of the two bodies", "a sentence of all"  # of one with a keep-out
+    data["cases"][1]["stack"] = {**data["cases"][0]["stack"], "notes": [notes[1], notes[0]]}
+    data["cases"][0]["stack"] = data["cases"][2]["stack"] = {**data["cases"][0]["stack"], "notes": [notes[1]]}
+    once = page(data)
+    assert once.count("What each size contributes to the gap</caption>") == 1
+    assert [visible(read(once)).count(own[1:]) for own in notes] == [1, 1]
 
 
 def test_what_was_checked_of_what_is_impossible_is_said():

@@ -800,6 +800,66 @@ def test_numbers_of_contacts_were_white_on_light_faces_in_the_dark() -> None:
         assert not colours & {*INKS}
 
 
+def test_before_stood_in_a_white_box_in_the_dark() -> None:
+    """Words of a picture and the ground that they have follow the page's colours, both."""
+    one, two, pose = box((0.0, 0.0, 1.0), 2.0), box((0.0, 0.0, -1.0), 2.0), np.eye(4)
+    pose[0, 3] = 0.5
+    pieces = scene_pieces(ShownBodies.of(one, two, transform=pose, view=(32.0, -55.0)))
+    (name,) = [own for own in pieces.scene.findobj(Text) if own.get_text() == "before"]
+    assert {to_hex(own).upper() for own in (name.get_color(), name.get_bbox_patch().get_facecolor())} <= {*INKS}
+
+
+def test_what_is_open_was_not_magnified_where_four_contacts_are_closed() -> None:
+    """Four posts sink by .1 onto a base that is lower; the beam over the last is .4 from it then."""
+    posts = [fo.Box((4, 4, 10), centre=(8 * k, 0, 5), name=f"post {k}") for k in range(1, 5)]
+    base = fo.Box((60, 20, 4), centre=(0, 0, -2), name="base")
+    beam = fo.Box((10, 10, 4), centre=(32, 0, 12.3), name="beam")
+    clear = {"parts": ("post 4", "beam"), "goal": "clear"}
+    motions = {own.name: Translation("z") for own in posts}
+    sizes = {"sizes": [fo.Size("top", "base", faces=["+z"], tolerance=0.2)], "made": {"top": -0.1}}
+    contacts = [*((own.name, "base") for own in posts), clear]
+    shown, met = parts_of(fo.solve(fo.Assembly([base, beam, *posts], contacts, motions=motions, **sizes)))
+    assert [(own.number, own.kind, own.long) for own in met][-1] == (5, "gap", pytest.approx(0.4))
+    told = " ".join(text for own in scene_pieces(shown, contacts=met).insets for text in texts(own))
+    assert re.findall(r"(contact|gap) (\d)", told)[-1] == ("gap", "5")
+
+
+def test_where_a_keep_out_decides_was_neither_drawn_nor_magnified() -> None:
+    """A cube is .1 too far down a slope of 45 degrees, and .02 from a wall: .02 along x, .08 along z, at both."""
+    cube = fo.Body.convex(cuboid([-1.0] * 3, [1.0] * 3), name="cube")
+    slope = np.array([[x, y, z] for x, z in ((-5.0, -5.0), (3.1, -5.0), (-5.0, 3.1)) for y in (-3.0, 3.0)])
+    wall = fo.KeepOut(fo.Box((2, 6, 6), centre=(2.02, 0, 0), name="wall"))
+    motion = Translation("x") >> Translation("z")
+    asked = fo.Problem(
+        cube, fo.Body.convex(slope, name="slope"), motion=motion, goal="clear", keep_out=(wall,), target=(1, 1)
+    )
+    solution = fo.solve(asked)
+    assert [*solution.parameters.values()] == pytest.approx([0.02, 0.08])
+    drawn, _ = drawn_scene(solution)
+    assert {own.pair: (own.number, own.told) for own in drawn["contacts"]} == {
+        (0, 1): (1, "cube - slope"), (0, 2): (2, "cube - wall")
+    }  # fmt: skip
+    assert drawn["contacts"][-1].middle[0] == pytest.approx(1.02)
+    told = " ".join(text for own in scene_pieces(**drawn).insets for text in texts(own))
+    assert re.findall(r"contact (\d)", told) == ["1", "2"]
+
+
+def test_contacts_of_a_picture_were_counted_otherwise_than_in_the_file() -> None:
+    """A rail of scale 1.003 on its base, as both have their seeds there, had no contact; a clip at it was the first."""
+    base = fo.Box((100, 20, 10), centre=(0, 0, -5), name="base").with_seed((0, 0, 0))
+    rail = fo.Box((40, 20, 10), centre=(0, 0, 5), name="rail").with_seed((0, 0, 0))
+    clip = fo.Box((10, 20, 10), centre=(25, 0, 5), name="clip")
+    motions = {"rail": Translation("z"), "clip": Translation("x") >> Translation("z")}
+    between = [("rail", "base"), ("clip", "rail"), ("clip", "base")]
+    solution = fo.solve(fo.Assembly([base, rail, clip], between, motions=motions, scales={"rail": 1.003}))
+    assert solution.parameters["clip"]["TX"] == pytest.approx(0.06)
+    _, met = parts_of(solution)
+    assert {own.number: own.told for own in met} == {1: "rail - base", 2: "clip - rail", 3: "clip - base"}
+    pair = decision_curve(rail, base)  # the face lies in z = 0 at any scale
+    (corners,) = pair.contact_sets((1.003, 1.0))
+    np.testing.assert_allclose(np.ptp(corners, axis=0), [1.003 * 40.0, 20.0, 0.0], atol=1e-9)
+
+
 def test_parts_of_an_assembly_had_no_old_places() -> None:
     """In dashes of their colours, all as many times as far off; what is fixed has none."""
     bodies, pose = [box((x, 0.0, 0.0), 4.0) for x in (0.0, 10.0)], np.eye(4)
@@ -869,6 +929,11 @@ def test_the_bar_of_an_inset_lay_on_the_contact() -> None:
         points, far = shares[:, None] * way, (left + 2.0 * CORNER, foot + 0.5)
         assert -2.0 < left < far[0] < 2.0
         assert not ((points >= (left, foot)) & (points <= far)).all(axis=1).any()
+
+    across = [[[-2.0, y], [2.0, y]] for y in (-1.5, 1.5)]  # a slab on a slab: edges in all four corners
+    left, foot = free_corner(2.0, np.array([[[0.0, -2.0], [0.0, 2.0]], *across]))
+    assert max(left, -left - 2.0 * CORNER) > 0.0
+    assert -1.5 < foot < foot + 0.5 < 1.5
 
 
 def test_numbers_of_faces_stood_across_their_edges():

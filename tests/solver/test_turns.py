@@ -23,7 +23,6 @@ MOTIONS = [
     fo.Translation((1, 0.3, 0)) >> Y >> fo.Rotation("x") >> fo.Rotation("y") >> fo.Rotation("z") >> fo.Translation("z"),
 ]
 BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-LONG = np.inf  # seconds
 
 
 def hull(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -83,7 +82,7 @@ def test_no_search_finds_less_than_the_bound(motion, apart):
         task = task_of(*pair(seed, apart), chosen, weights=weights)
         if (task.gap(task.rest) > 0) != apart:
             continue
-        bound = least_over_turns(task, upper=None, gap=1e-3, seconds=LONG)
+        bound = least_over_turns(task, upper=None, gap=1e-3)
         assert bound.closed
         assert bound.lower <= bound.upper <= bound.lower * (1 + 1.1e-3)
         assert bound.upper == pytest.approx(task.amount(bound.q), rel=1e-12)
@@ -135,7 +134,7 @@ def test_heavy_rotations_leave_the_signed_distance(apart):
     for seed in range(8):
         task = task_of(*pair(200 + seed, apart), length=1e6)
         still = amount_at(task, np.zeros(3), task.gap(task.rest) > 0)
-        bound = least_over_turns(task, upper=None, gap=1e-6, seconds=LONG)
+        bound = least_over_turns(task, upper=None, gap=1e-6)
         assert bound.upper == pytest.approx(still, rel=1e-6)
         assert bound.lower == pytest.approx(still, rel=2e-6)
 
@@ -143,7 +142,7 @@ def test_heavy_rotations_leave_the_signed_distance(apart):
 def test_a_box_that_faces_a_plane_only_moves_to_it():
     floor = BOX * [20, 20, 1] - [0, 0, 2.5]
     task = task_of(BOX, floor, length=100.0)
-    bound = least_over_turns(task, upper=None, gap=1e-4, seconds=LONG)
+    bound = least_over_turns(task, upper=None, gap=1e-4)
     assert bound.lower <= 0.5 * (1 + 1e-12)
     # the corner sqrt(2) from the axis goes down by turning: amount .5 / sqrt(1 + 2 / L^2) to first order
     assert bound.upper == pytest.approx(0.5 / np.sqrt(1 + 2e-4), rel=2e-4)
@@ -153,7 +152,7 @@ def test_cheap_rotations_turn_a_corner_down():
     floor = BOX * [20, 20, 1] - [0, 0, 2.2]
     length = 1e-3
     task = task_of(BOX, floor, length=length)
-    bound = least_over_turns(task, upper=None, gap=1e-3, seconds=LONG)
+    bound = least_over_turns(task, upper=None, gap=1e-3)
     # z of a corner turned by a about a horizontal axis: -(cos a + r sin a), r <= sqrt 2, is to be -1.2; no shift
     angle = np.arccos(1.2 / np.sqrt(3)) - np.arccos(1 / np.sqrt(3))
     assert bound.upper == pytest.approx(length * abs(angle), rel=2e-3)
@@ -161,7 +160,7 @@ def test_cheap_rotations_turn_a_corner_down():
 
 def test_a_box_that_overlaps_a_plane_goes_back_by_its_depth():
     floor = BOX * [20, 20, 1] - [0, 0, 1.7]
-    bound = least_over_turns(task_of(BOX, floor), upper=None, gap=1e-4, seconds=LONG)
+    bound = least_over_turns(task_of(BOX, floor), upper=None, gap=1e-4)
     assert bound.lower <= 0.3 * (1 + 1e-12)
     assert bound.upper == pytest.approx(0.3, rel=1e-12)
     assert bound.closed
@@ -170,7 +169,7 @@ def test_a_box_that_overlaps_a_plane_goes_back_by_its_depth():
 @pytest.mark.parametrize("offset", [0.3, 0.0, -0.2])
 def test_clearance_over_a_plane(offset):
     floor = BOX * [20, 20, 1] - [0, 0, 2 + offset]
-    bound = least_over_turns(task_of(BOX, floor, goal="clear", clearance=0.5), upper=None, gap=1e-4, seconds=LONG)
+    bound = least_over_turns(task_of(BOX, floor, goal="clear", clearance=0.5), upper=None, gap=1e-4)
     assert bound.lower <= (0.5 - offset) * (1 + 1e-12)
     assert bound.lower >= (0.5 - offset) * (1 - 2e-4)
 
@@ -185,7 +184,7 @@ def test_clearance_is_never_bounded_above_what_a_motion_takes(distance):
         if task.meets(task.rest, 0.0):
             continue
         bounded += 1
-        bound = least_over_turns(task, upper=None, gap=1e-2, seconds=LONG)
+        bound = least_over_turns(task, upper=None, gap=1e-2)
         assert bound.lower > 0
         spins = turned_places(task)[1]
         met = 0
@@ -207,12 +206,11 @@ def test_moving_and_scaling_the_scene_changes_nothing_else(apart):
         rng = np.random.default_rng(seed)
         R, shift, scale = random_rotation(rng), rng.normal(size=3) * 3, float(rng.uniform(0.1, 10))
         gap, length = 1e-4, 0.8
-        first = least_over_turns(task_of(one, two, length=length), upper=None, gap=gap, seconds=LONG)
+        first = least_over_turns(task_of(one, two, length=length), upper=None, gap=gap)
         second = least_over_turns(
             task_of(scale * one @ R.T + shift, scale * two @ R.T + shift, length=scale * length),
             upper=None,
             gap=gap,
-            seconds=LONG,
         )
         # cells lie differently: both intervals hold the same number
         assert first.lower <= second.upper / scale * (1 + 1e-9)
@@ -221,12 +219,12 @@ def test_moving_and_scaling_the_scene_changes_nothing_else(apart):
 
 def test_of_unions_the_nearest_parts_touch():
     one, two = pair(400, True)
-    alone = least_over_turns(task_of(one, two), upper=None, gap=1e-4, seconds=LONG)
+    alone = least_over_turns(task_of(one, two), upper=None, gap=1e-4)
     seed = one.mean(axis=0)
     union = fo.Body.from_parts([two + np.array([0, 0, 30.0]), two], seed=two.mean(axis=0), name="two")
     body = fo.Body.convex(one, seed=seed, name="one")
-    alone = least_over_turns(task_of(body, two), upper=None, gap=1e-4, seconds=LONG)
-    both = least_over_turns(task_of(body, union), upper=None, gap=1e-4, seconds=LONG)
+    alone = least_over_turns(task_of(body, two), upper=None, gap=1e-4)
+    both = least_over_turns(task_of(body, union), upper=None, gap=1e-4)
     assert both.lower <= alone.upper
     assert alone.lower <= both.upper
 
@@ -235,7 +233,7 @@ def test_overlapping_unions_are_bounded_by_their_deepest_pair_and_closed_by_the_
     floor = fo.Body.from_parts([BOX * [2, 20, 1] - [x, 0, 1.7] for x in (-2, 2)], seed=(0, 0, -2), name="floor")
     task = task_of(BOX, floor)
     known = Answer(Status.SOLVED, np.array([0, 0, 0.3, 0, 0, 0]), "known")
-    bound = least_over_turns(task, upper=known, gap=0.1, seconds=LONG)
+    bound = least_over_turns(task, upper=known, gap=0.1)
     assert bound.q is None
     assert bound.upper == pytest.approx(0.3, rel=1e-12)
     assert 0 < bound.lower <= 0.3
@@ -243,19 +241,19 @@ def test_overlapping_unions_are_bounded_by_their_deepest_pair_and_closed_by_the_
 
 def test_limits_on_rotations_bound_the_search():
     one, two = pair(402, False)
-    free = least_over_turns(task_of(one, two), upper=None, gap=1e-4, seconds=LONG)
+    free = least_over_turns(task_of(one, two), upper=None, gap=1e-4)
     names = [parameter.name for parameter in fo.Free().parameters[3:]]
     locked = task_of(one, two, limits=dict.fromkeys(names, (0.0, 0.0)))
-    still = least_over_turns(locked, upper=None, gap=1e-4, seconds=LONG)
+    still = least_over_turns(locked, upper=None, gap=1e-4)
     assert still.upper == pytest.approx(amount_at(locked, np.zeros(3), False), rel=1e-9)
     assert still.lower >= free.lower
 
 
 def test_a_search_that_is_cut_short_still_bounds(monkeypatch):
     task = task_of(*pair(7, False))
-    whole = least_over_turns(task, upper=None, gap=1e-3, seconds=LONG)
+    whole = least_over_turns(task, upper=None, gap=1e-3)
     monkeypatch.setattr(turns_module, "MOST_CELLS", 60)
-    short = least_over_turns(task, upper=None, gap=1e-3, seconds=LONG)
+    short = least_over_turns(task, upper=None, gap=1e-3)
     assert not short.closed
     assert 0 <= short.lower <= whole.upper
     assert short.upper >= whole.lower
@@ -263,9 +261,9 @@ def test_a_search_that_is_cut_short_still_bounds(monkeypatch):
 
 def test_other_motions_and_goals_are_left_alone():
     one, two = pair(1, True)
-    assert least_over_turns(task_of(one, two, X >> Y >> fo.Rotation("z")), upper=None, gap=0.1, seconds=LONG) is None
+    assert least_over_turns(task_of(one, two, X >> Y >> fo.Rotation("z")), upper=None, gap=0.1) is None
     about = X >> Y >> Z >> fo.Rotation("z", centre="origin")
-    assert least_over_turns(task_of(one, two, about), upper=None, gap=0.1, seconds=LONG) is None
+    assert least_over_turns(task_of(one, two, about), upper=None, gap=0.1) is None
     assert turns(task_of(one, two)) is None
 
 

@@ -340,7 +340,7 @@ def _most(sizes: Sequence[Bar], solution: Solution) -> dict[str, Any] | None:
         there = max(ends, key=lambda end: round(abs(end - off) / size.half, texts.DIGITS))
         stepped = quick_answer(problem, made={**made, size.name: there})
         label, as_made = (size.deviation_text(x, problem.unit) for x in (there, off))
-        label = f"at {label}" + f", not {as_made}" * bool(off)
+        label = f"at {label}" + f" in place of {as_made}" * bool(off)
         most = most._replace(unit=label, value=most.value * (there - off) / size.half)
     if stepped and not (stepped.usable or stepped.stopped):
         return {**finite(most._asdict()), "value": None, "about": False, "outcome": barred_text(stepped)}

@@ -30,8 +30,6 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
 DRAWN = 0.6  # share of what is left then for what may be left out; the rest is for what is drawn in any case
-PROOFS, PROOF = 4.0, 1.5
-"""Seconds that the proofs of all cases, and that of one, may take: a page is wanted while one waits."""
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
 BESIDE = 1.0  # seconds for a requirement that the file does not ask for
 
@@ -67,7 +65,7 @@ def gather(
                 pacing.check()
             with pacing.sharing(SOLVED):
                 proved = certify and not problem.partial  # of large meshes the checker takes long
-                solved = solved_case(problem, certify=proved, seconds=min(PROOFS / len(asked), PROOF))
+                solved = solved_case(problem, certify=proved)
             pacing.at("drawing")
             share = frames_of(problem, len(asked)) if frames is None else frames
             share = share if pacing.left() > AMPLE else -1.0

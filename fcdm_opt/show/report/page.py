@@ -79,10 +79,10 @@ def page(payload: Data) -> str:
 
 
 def _shared_stacks(cases: Sequence[Data], files: Sequence[Data]) -> dict[int, Data]:
-    """Return by the numbers of cases the stack-ups that several have, with an identifier, cases, file and parts."""
+    """Return by the numbers of cases the stack-ups that several have, with identifier, cases, file, parts and notes."""
     known = list[tuple[Data, list[int]]]()
     for number, case in enumerate(cases):
-        own = {key: value for key, value in (case["stack"] or {}).items() if key != "chart"}
+        own = {key: value for key, value in (case["stack"] or {}).items() if key not in ("chart", "notes")}
         alike = next((numbers for other, numbers in known if other == own), None)
         if alike is not None:
             alike.append(number)
@@ -93,6 +93,7 @@ def _shared_stacks(cases: Sequence[Data], files: Sequence[Data]) -> dict[int, Da
         names = texts.listed([cases[number]["name"] for number in numbers]) * (len(numbers) < len(cases))
         first = cases[numbers[0]]
         of = {"file": files[first["file"]], "parts": [body["name"] for body in first["bodies"][:2]]}
+        of["notes"] = [*dict.fromkeys(note for number in numbers for note in cases[number]["stack"]["notes"])]
         shared |= {key: {**first["stack"], "id": f"stack-{numbers[0]}", "cases": names, **of} for key in numbers}
     return shared
 
