@@ -212,7 +212,15 @@ def contact_times(
         return _of_assembly(problem, direction, limit)
     along = checked_direction(problem, direction)
     given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
-    pair = frozen(problem.target if given is None else given)
+    each = _of_each(problem, along, frozen(problem.target if given is None else given), limit)
+    (low, high), found = _ends_of([*each.values()], limit), each.pop("")
+    keep_outs = {name: _between(own.spans, low, high) for name, own in each.items()}
+    lines = tuple(dict.fromkeys(line for own in (found, *each.values()) for line in own.known_to))
+    return replace(found, spans=_between(found.spans, low, high), keep_outs=keep_outs, known_to=lines)
+
+
+def _of_each(problem: Problem, along: Array, pair: Array, limit: float | None) -> dict[str, ContactTimes]:
+    """Return the times of two bodies, by "", and of the movable one and each keep-out, by its name."""
     last = list[ContactTimes]()
 
     def touching(own: Problem) -> list[Array]:
@@ -220,20 +228,38 @@ def contact_times(
         return [x * along for x in (0.0, *(touch.x for touch in last[0].touches))]
 
     bodies, touches = exact_where(of_bodies(problem, pair), touching, along, apart=0.0)
-    asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
-    keep_outs = {
-        own.name: _times_clear(asked[own.name], along, own.clearance, limit)
-        if own.clearance
-        else contact_times(asked[own.name], along, limit=limit)
-        for own in problem.keep_out
-    }
     exact = bodies.exact_at is not None
-    found = _of_true_faces(last[0], bodies, touches) if exact else _times(problem, along, pair, limit)
-    each = [found, *keep_outs.values()]
-    return replace(
-        found,
-        keep_outs={name: own.spans for name, own in keep_outs.items()},
-        known_to=tuple(dict.fromkeys(line for own in each for line in own.known_to)),
+    each = {"": _of_true_faces(last[0], bodies, touches) if exact else _times(problem, along, pair, limit)}
+    for own in problem.keep_out:
+        asked = _with_keep_out(problem, own, pair)
+        near = _times_clear(asked, along, own.clearance, limit) if own.clearance else None
+        each[own.name] = near or _of_each(asked, along, asked.target, limit)[""]
+    return each
+
+
+def _ends_of(each: Sequence[ContactTimes], limit: float | None) -> tuple[float, float]:
+    """Return from where to where several times tell of: as far as all, but for bodies that a shift leaves apart."""
+    ends = [0.0, 0.0]
+    for k, side in enumerate((-1.0, 1.0)):
+        looked = [abs(own.searched[k]) for own in each]
+        known = [
+            x
+            for x, own in zip(looked, each, strict=True)
+            if reach(own.problem, side * own.direction, limit).kind != "unbounded"
+            or x < apart_beyond(own.problem, side * own.direction, own.pair)
+        ]
+        ends[k] = side * min(known or [max(looked, default=0.0)])
+    return ends[0], ends[1]
+
+
+def _between(spans: Sequence[StateSpan], low: float, high: float) -> tuple[StateSpan, ...]:
+    """Return spans from one x to another, the first and the last stretched to these."""
+    inner = [-math.inf, *(own.low for own in spans[1:]), math.inf]
+    each = zip(spans, pairwise(inner), strict=True)
+    return tuple(
+        StateSpan(own.state, max(start, low), min(end, high))
+        for own, (start, end) in each
+        if end > low and start < high
     )
 
 
@@ -320,31 +346,26 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
 def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
     """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
     each, still = dict[str, ContactTimes](), dict[str, State]()
-    along, moved, kept = np.zeros(0), [part for part, _ in assembly.parameters], dict[str, tuple[StateSpan, ...]]()
+    along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
     for pair, problem in assembly.questions.items():
-        along, name = checked_direction(problem, direction), " - ".join(pair)
-        involved = assembly.involved(*pair)
+        along, involved = checked_direction(problem, direction), assembly.involved(*pair)
+        names = {"": " - ".join(pair), **{own.name: f"{pair[0]} - {own.name}" for own in problem.keep_out}}
         if any(x for part, x in zip(moved, along.tolist(), strict=True) if part in involved):
-            each[name] = contact_times(problem, along, limit=limit)
-            kept |= {f"{pair[0]} - {own}": spans for own, spans in each[name].keep_outs.items()}
+            times = _of_each(problem, along, frozen(problem.target), limit)
+            each |= {names[own]: found for own, found in times.items()}
         else:
-            still[name] = _at_rest(problem)
+            still[names[""]] = _at_rest(problem)
             for own in problem.keep_out:
-                there = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
-                kept[f"{pair[0]} - {own.name}"] = (StateSpan(there, -np.inf, np.inf),)
-    low = max((own.spans[0].low for own in each.values()), default=0.0)
-    high = min((own.spans[-1].high for own in each.values()), default=0.0)
-
-    def within(spans: Iterable[StateSpan]) -> tuple[StateSpan, ...]:
-        seen = (span for span in spans if span.high > low and span.low < high)
-        return tuple(StateSpan(span.state, max(span.low, low), min(span.high, high)) for span in seen)
-
-    spans = {name: within(own.spans) for name, own in each.items()}
+                still[names[own.name]] = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
+    low, high = _ends_of([*each.values()], limit)
+    spans = {name: _between(own.spans, low, high) for name, own in each.items()}
     spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
-    joined = _overlapping_any(spans.values())
-    touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
-    proved = all(own.proved for own in each.values())
-    every = spans | {name: within(own) for name, own in kept.items()}
+    parts = [" - ".join(pair) for pair in assembly.questions]
+    joined = _overlapping_any(spans[name] for name in parts)
+    found = [each[name] for name in parts if name in each]
+    touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
+    proved = all(own.proved for own in found)
+    every = {name: spans[name] for name in dict.fromkeys([*parts, *spans])}
     lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
     return ContactTimes(assembly, along, np.full(2, np.nan), joined, tuple(touches), every, proved, lines)
 
