@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 
@@ -209,14 +209,22 @@ def contact_times(
         if scale_pair is not None:
             what, allowed = "an assembly has a scale for each part", "none: Assembly.scales"
             raise InputError(what, key="scale_pair", found=scale_pair, allowed=allowed)
-        return _of_assembly(problem, direction, limit)
-    along = checked_direction(problem, direction)
-    given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
-    each = _of_each(problem, along, frozen(problem.target if given is None else given), limit)
-    (low, high), found = _ends_of([*each.values()], limit), each.pop("")
-    keep_outs = {name: _between(own.spans, low, high) for name, own in each.items()}
-    lines = tuple(dict.fromkeys(line for own in (found, *each.values()) for line in own.known_to))
-    return replace(found, spans=_between(found.spans, low, high), keep_outs=keep_outs, known_to=lines)
+        parts, pair = [" - ".join(own) for own in problem.questions], np.full(2, np.nan)
+        along, each, still = _of_assembly(problem, direction, limit)
+    else:
+        given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
+        parts, pair = [""], frozen(problem.target if given is None else given)
+        along, still = checked_direction(problem, direction), dict[str, State]()
+        each = _of_each(problem, along, pair, limit)
+    low, high = _ends_of([*each.values()], limit)
+    spans = {name: _between(own.spans, low, high) for name, own in each.items()}
+    spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
+    found = [each[name] for name in parts if name in each]
+    touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
+    keep_outs = {name: spans[name] for name in dict.fromkeys([*parts, *spans]) if name}
+    lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
+    asked, joined = problem if still or len(parts) > 1 else found[0].problem, _overlapping_any(map(spans.get, parts))
+    return ContactTimes(asked, along, pair, joined, tuple(touches), keep_outs, all(own.proved for own in found), lines)
 
 
 def _of_each(problem: Problem, along: Array, pair: Array, limit: float | None) -> dict[str, ContactTimes]:
@@ -241,26 +249,20 @@ def _ends_of(each: Sequence[ContactTimes], limit: float | None) -> tuple[float, 
     """Return from where to where several times tell of: as far as all, but for bodies that a shift leaves apart."""
     ends = [0.0, 0.0]
     for k, side in enumerate((-1.0, 1.0)):
-        looked = [abs(own.searched[k]) for own in each]
-        known = [
-            x
-            for x, own in zip(looked, each, strict=True)
-            if reach(own.problem, side * own.direction, limit).kind != "unbounded"
-            or x < apart_beyond(own.problem, side * own.direction, own.pair)
-        ]
+        looked, known = [abs(own.searched[k]) for own in each], list[float]()
+        for x, own in zip(looked, each, strict=True):
+            asked, along = cast("Problem", own.problem), side * own.direction
+            if reach(asked, along, limit).kind != "unbounded" or x < apart_beyond(asked, along, own.pair):
+                known.append(x)
         ends[k] = side * min(known or [max(looked, default=0.0)])
     return ends[0], ends[1]
 
 
 def _between(spans: Sequence[StateSpan], low: float, high: float) -> tuple[StateSpan, ...]:
     """Return spans from one x to another, the first and the last stretched to these."""
-    inner = [-math.inf, *(own.low for own in spans[1:]), math.inf]
-    each = zip(spans, pairwise(inner), strict=True)
-    return tuple(
-        StateSpan(own.state, max(start, low), min(end, high))
-        for own, (start, end) in each
-        if end > low and start < high
-    )
+    ends = pairwise([-math.inf, *(own.low for own in spans[1:]), math.inf])
+    known = ((own.state, max(start, low), min(end, high)) for own, (start, end) in zip(spans, ends, strict=True))
+    return tuple(StateSpan(*own) for own in known if own[1] < own[2])
 
 
 def _of_true_faces(times: ContactTimes, bodies: Problem, touches: Sequence[Array]) -> ContactTimes:
@@ -343,8 +345,10 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, facet_errors_of(problem))
 
 
-def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
-    """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
+def _of_assembly(
+    assembly: Assembly, direction: Any, limit: float | None
+) -> tuple[Array, dict[str, ContactTimes], dict[str, State]]:
+    """Return a direction, the times of two bodies that it moves against each other, and the states of others."""
     each, still = dict[str, ContactTimes](), dict[str, State]()
     along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
     for pair, problem in assembly.questions.items():
@@ -357,17 +361,7 @@ def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> Con
             still[names[""]] = _at_rest(problem)
             for own in problem.keep_out:
                 still[names[own.name]] = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
-    low, high = _ends_of([*each.values()], limit)
-    spans = {name: _between(own.spans, low, high) for name, own in each.items()}
-    spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
-    parts = [" - ".join(pair) for pair in assembly.questions]
-    joined = _overlapping_any(spans[name] for name in parts)
-    found = [each[name] for name in parts if name in each]
-    touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
-    proved = all(own.proved for own in found)
-    every = {name: spans[name] for name in dict.fromkeys([*parts, *spans])}
-    lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
-    return ContactTimes(assembly, along, np.full(2, np.nan), joined, tuple(touches), every, proved, lines)
+    return along, each, still
 
 
 def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
