@@ -212,7 +212,9 @@ def contact_times(
         parts, pair = [" - ".join(own) for own in problem.questions], np.full(2, np.nan)
         along, each, still = _of_assembly(problem, direction, limit)
     else:
-        given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
+        given = (
+            None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
+        )
         parts, pair = [""], frozen(problem.target if given is None else given)
         along, still = checked_direction(problem, direction), dict[str, State]()
         each = _of_each(problem, along, pair, limit)
@@ -223,7 +225,8 @@ def contact_times(
     touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
     keep_outs = {name: spans[name] for name in dict.fromkeys([*parts, *spans]) if name}
     lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
-    asked, joined = problem if still or len(parts) > 1 else found[0].problem, _overlapping_any(map(spans.get, parts))
+    asked = problem if isinstance(problem, Assembly) else found[0].problem
+    joined = _overlapping_any(spans[name] for name in parts)
     return ContactTimes(asked, along, pair, joined, tuple(touches), keep_outs, all(own.proved for own in found), lines)
 
 

@@ -184,7 +184,7 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
         return published
     from fcdm_opt.solver import solve
 
-    solution = solve(problem, effort="quick")
+    solution = solve(problem)
     if not solution.status.found or not solution.amount > 0:
         advice = "the case is solved without any motion" if solution.status.found else solution.advice
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"

@@ -75,12 +75,12 @@ def _refused_text(solution: Solution) -> str:
         late = bool(solution.stopped)  # then nothing else is asked either
         why, more = solution.reason, ""
         with advising(solution):
-            why = why if late else barring(problem) or why
-            more = "" if late else _without_clearance(problem, why)
+            barred = "" if late else barring(problem)
+            more = "" if late else _without_clearance(problem, barred or why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         known = f"{solution.stopped}: the only motion found by then" if late else NO_FIT
-        return more or f"{known} {where}" + f"; {why}" * bool(why)
+        return more or "; ".join(filter(None, (f"{known} {where}", why, barred)))
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
     if solution.stopped:

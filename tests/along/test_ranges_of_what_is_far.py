@@ -1,8 +1,9 @@
-"""What a motion meets farther off than the size of the parts, in `contact_times` and in what the command line prints."""
+"""What a motion meets farther off than the parts are long, in `contact_times` and in what is printed."""
 
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.show.tables import print_ranges
 
 X = fo.Translation("x")
 
@@ -47,3 +48,28 @@ def test_a_stop_of_an_assembly_farther_off_than_two_of_its_parts_was_not_met(sto
     (met,) = (span for span in times.keep_outs["cart - stop"] if span.state == "overlapping")
     assert (met.low, met.high) == pytest.approx((stop - 5.0, stop + 9.0), abs=1e-9)
     assert times.free == pytest.approx((0.0, stop - 5.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("stop", [30.0, 57.0, 700.0])
+def test_what_is_printed_of_an_assembly_ended_at_the_size_of_its_last_contact(stop, capsys) -> None:
+    """There was "cart - stop: apart all along"; the cart, 10 long, is off its rail, 40 long, from 25 on."""
+    asked, along = station(stop), {"cart.TX": 1.0}
+    print_ranges([(fo.coherent_range(asked, along), fo.contact_times(asked, along))])
+    told = " ".join(capsys.readouterr().out.split())
+    met = f"cart - stop: apart up to cart.TX {stop - 5:g}, overlapping up to cart.TX {stop + 9:g}, apart beyond"
+    assert f"as made, {met}" in told
+    assert "cart - pin: apart up to cart.TX -12, overlapping up to where they are drawn, apart beyond" in told
+    assert told.count("searched from") == 1
+
+
+def test_contacts_that_end_alike_are_told_at_once(capsys) -> None:
+    """Three equal blocks, each 10 long in y, on a table 40 wide: all leave it at 25 along -y and +y."""
+    table = fo.Box((100, 40, 10), centre=(0, 0, -5), name="table")
+    blocks = [fo.Box((10, 10, 10), centre=(x, 0, 5), name=f"block {x + 40}") for x in (-30, 0, 30)]
+    motions = {own.name: fo.Translation("y") for own in blocks}
+    asked = fo.Assembly([table, *blocks], [(own.name, "table") for own in blocks], motions=motions, name="row")
+    along = dict.fromkeys((f"{own.name}.TY" for own in blocks), 1.0)
+    print_ranges([(fo.coherent_range(asked, along), fo.contact_times(asked, along))])
+    told = capsys.readouterr().out
+    assert [told.count(side) for side in ("- backwards: ", "- forwards: ")] == [2, 2]  # of all, and of each
+    assert told.count("as made") == 1
