@@ -1,8 +1,15 @@
 """What a motion meets farther off than the parts are long, in `contact_times` and in what is printed."""
 
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import fcdm_opt as fo
+from fcdm_opt.cli import app
 from fcdm_opt.show.tables import print_ranges
 
 X = fo.Translation("x")
@@ -73,3 +80,22 @@ def test_contacts_that_end_alike_are_told_at_once(capsys) -> None:
     told = capsys.readouterr().out
     assert [told.count(side) for side in ("- backwards: ", "- forwards: ")] == [2, 2]  # of all, and of each
     assert told.count("as made") == 1
+
+
+def test_without_a_direction_a_range_followed_a_first_motion_not_the_one_that_solve_gives(tmp_path: Path) -> None:
+    """A rod 3 % too long in the corner of two corridors 60 wide: it was turned by 24.9 deg, where 4.325 will do."""
+    ends = [(1.310137, 107.376152), (6.966991, 113.033012), (113.033012, 6.966991), (107.376152, 1.310137)]
+    walls = [((-10, 0), (-10, 200)), ((0, 200), (-10, 0)), ((60, 200), (60, 200))]
+    corners = [list(own) for wall in walls for own in product(*wall, (0, 20))]
+    path = tmp_path / "rod.toml"
+    path.write_text(
+        f"[bodies.movable]\nvertices = {[[*own, z] for own in ends for z in (0, 20)]}\n"
+        f"[bodies.static]\nvertices = {corners}\nparts = {np.arange(1, 25).reshape(3, 8).tolist()}\n"
+        '[[case]]\nname = "turn"\ntarget = [1.03, 1]\ngoal = "clear"\n'
+        'motion = [{ translation = "x" }, { translation = "y" }, { rotation = "z", centre = "seed" }]\n'
+    )
+    result = CliRunner().invoke(app, ["range", str(path), "--json"], catch_exceptions=False)
+    (case,) = json.loads(result.stdout)["files"][0]["cases"]
+    (asked,) = fo.load_problems(path)
+    assert case["contact_times"]["direction"] == pytest.approx(dict(fo.solve(asked).parameters), rel=1e-9)
+    assert np.degrees(case["contact_times"]["direction"]["RZ"]) == pytest.approx(4.325, abs=1e-3)
