@@ -210,18 +210,17 @@ def contact_times(
             what, allowed = "an assembly has a scale for each part", "none: Assembly.scales"
             raise InputError(what, key="scale_pair", found=scale_pair, allowed=allowed)
         parts, pair = [" - ".join(own) for own in problem.questions], np.full(2, np.nan)
-        along, each, still = _of_assembly(problem, direction, limit)
+        along, each = _of_assembly(problem, direction, limit)
     else:
         given = (
             None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
         )
         parts, pair = [""], frozen(problem.target if given is None else given)
-        along, still = checked_direction(problem, direction), dict[str, State]()
+        along = checked_direction(problem, direction)
         each = _of_each(problem, along, pair, limit)
     low, high = _ends_of([*each.values()], limit)
     spans = {name: _between(own.spans, low, high) for name, own in each.items()}
-    spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
-    found = [each[name] for name in parts if name in each]
+    found = [each[name] for name in parts]
     touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
     keep_outs = {name: spans[name] for name in dict.fromkeys([*parts, *spans]) if name}
     lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
@@ -257,7 +256,7 @@ def _ends_of(each: Sequence[ContactTimes], limit: float | None) -> tuple[float, 
             asked, along = cast("Problem", own.problem), side * own.direction
             if reach(asked, along, limit).kind != "unbounded" or x < apart_beyond(asked, along, own.pair):
                 known.append(x)
-        ends[k] = side * min(known or [max(looked, default=0.0)])
+        ends[k] = side * min(known or [max(filter(math.isfinite, looked), default=0.0)])
     return ends[0], ends[1]
 
 
@@ -348,28 +347,27 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, facet_errors_of(problem))
 
 
-def _of_assembly(
-    assembly: Assembly, direction: Any, limit: float | None
-) -> tuple[Array, dict[str, ContactTimes], dict[str, State]]:
-    """Return a direction, the times of two bodies that it moves against each other, and the states of others."""
-    each, still = dict[str, ContactTimes](), dict[str, State]()
+def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> tuple[Array, dict[str, ContactTimes]]:
+    """Return a direction, and the times of every two parts, not both fixed, and of each part and keep-out."""
+    each = dict[str, ContactTimes]()
     along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
     for pair, problem in assembly.questions.items():
         along, involved = checked_direction(problem, direction), assembly.involved(*pair)
         names = {"": " - ".join(pair), **{own.name: f"{pair[0]} - {own.name}" for own in problem.keep_out}}
         if any(x for part, x in zip(moved, along.tolist(), strict=True) if part in involved):
             times = _of_each(problem, along, frozen(problem.target), limit)
-            each |= {names[own]: found for own, found in times.items()}
         else:
-            still[names[""]] = _at_rest(problem)
-            for own in problem.keep_out:
-                still[names[own.name]] = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
-    return along, each, still
+            kept = {own.name: (_with_keep_out(problem, own, problem.target), own.clearance) for own in problem.keep_out}
+            times = {own: _at_rest(*asked, along) for own, asked in {"": (problem, 0.0), **kept}.items()}
+        each |= {names[own]: found for own, found in times.items()}
+    return along, each
 
 
-def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
+def _at_rest(problem: Problem, clearance: float, along: Array) -> ContactTimes:
+    """Return the times of two bodies that a motion does not move against each other."""
     gap = problem.curve.distance(problem.target) if clearance else problem.curve.gap(problem.target)
-    return "overlapping" if gap < clearance - problem.contact_slack else "apart"
+    state: State = "overlapping" if gap < clearance - problem.contact_slack else "apart"
+    return ContactTimes(problem, along, problem.target, (StateSpan(state, -math.inf, math.inf),), (), {}, proved=True)
 
 
 def _to_first_contacts(
@@ -408,10 +406,8 @@ def _of_solids(
             pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
             if PlacedSolids(problem.movable, problem.static, pair, pose).nested:
                 state = "overlapping"
-        if found and found[-1].state == state:
-            found[-1] = StateSpan(state, found[-1].low, span.high)
-        else:
-            found.append(StateSpan(state, span.low, span.high))
+        found.append(replace(span, state=state))
+    found = [*_overlapping_any([found])]
     inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
     real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
     return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]

@@ -80,20 +80,14 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
             {
                 "switching point": f"SW{p.index}",
                 "rho": _point(p.rho),
-                "kind": _few(p.kind.split(" & "), " & "),
-                "contact": _few([_label(feature, curve) for feature in p.contact_features], "\n"),
-                "at": _few(list(map(_point, p.contacts)), "\n"),
+                "kind": " & ".join(texts.few(p.kind.split(" & "), MOST_MET)),
+                "contact": "\n".join(texts.few([_label(feature, curve) for feature in p.contact_features], MOST_MET)),
+                "at": "\n".join(texts.few([*map(_point, p.contacts)], MOST_MET)),
             }
             for p in curve.switching_points
         ]
         if points:
             print_rows(points)
-
-
-def _few(told: Sequence[str], between: str) -> str:
-    """Return what is told of the contacts of a switching point; of many of the first ones, and how many there are."""
-    more = [f"and {len(told) - MOST_MET} more"] if len(told) > MOST_MET else []
-    return between.join([*told[:MOST_MET], *more])
 
 
 def _label(feature: Any, bodies: Any) -> str:

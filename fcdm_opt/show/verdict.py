@@ -168,11 +168,6 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
     `head`: in place of along which motion what touches.
     """
     problem = coherent.problem
-    ends = []
-    for event in coherent.events:
-        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
-        steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
-        ends.append((event, steps or "no motion at all" * bool(values)))
     if head is None:
         contact = contact_text(problem, coherent.features, named=True)
         head = f"along {texts.steps_text(problem, coherent.direction.tolist())}, {contact}"
@@ -180,8 +175,10 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
     near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
     sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
     told = [f"{head}{sizes}, until"]
-    for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
-        if not steps:
+    for side, event in zip(("backwards", "forwards"), coherent.events, strict=True):
+        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
+        steps = " and ".join(map(" ".join, _done(problem, values) if values else [])) or "no motion at all"
+        if not values:
             what = "nothing ends it"
         elif event.kind == "scale":
             what = f"{steps}; there, a size would be zero, and no other contact ends it before"
@@ -399,8 +396,7 @@ def held_text(labels: Sequence[str], scene: Scene) -> str:
     """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
     words = (labels_in_words(str(own), scene) for own in labels)
     whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in words)
-    more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
-    return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
+    return "; ".join(texts.few([*whole], CONTACTS)) or "none"
 
 
 def fit_text(problem: Problem) -> str:
