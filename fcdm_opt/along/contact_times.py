@@ -17,7 +17,6 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import (
-    Reach,
     checked_direction,
     facet_errors_of,
     motion_of,
@@ -212,11 +211,9 @@ def contact_times(
         parts, pair = [" - ".join(own) for own in problem.questions], np.full(2, np.nan)
         along, each = _of_assembly(problem, direction, limit)
     else:
-        given = (
-            None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
-        )
-        parts, pair = [""], frozen(problem.target if given is None else given)
-        along = checked_direction(problem, direction)
+        parts, pair, along = [""], problem.target, checked_direction(problem, direction)
+        if scale_pair is not None:
+            pair = frozen(arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True))
         each = _of_each(problem, along, pair, limit)
     low, high = _ends_of([*each.values()], limit)
     spans = {name: _between(own.spans, low, high) for name, own in each.items()}
@@ -336,9 +333,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
     """
     pair = problem.target
-    back, ahead = (
-        sign * _span_of(problem, along, pair, reach(problem, sign * along, limit), clearance) for sign in (-1.0, 1.0)
-    )
+    back, ahead = (sign * _span_of(problem, sign * along, pair, limit, clearance) for sign in (-1.0, 1.0))
     found = nearer_than(problem, along, pair, clearance, (back, ahead), DEFAULT.march * problem.size)
     if found is None:
         what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
@@ -376,7 +371,7 @@ def _to_first_contacts(
     """Return a question with the parts of large bodies that meet first active, and how far to look; others as is."""
     if not problem.partial:
         return problem, limit
-    ends = [_span_of(problem, sign * along, pair, reach(problem, sign * along, limit)) for sign in (-1.0, 1.0)]
+    ends = [_span_of(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     moving = moving_at_most(problem, along, pair)
     x, unit = 0.0, FIRST / max(ray_of(problem, along).natural_step[1] / problem.size, 1.0 / max(ends))
     while x < max(ends):
@@ -433,7 +428,7 @@ class _OneWay:
 
     def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
         self._problem, self._along, self._pair = problem, along, pair
-        self._end: float = _span_of(problem, along, pair, reach(problem, along, limit))
+        self._end: float = _span_of(problem, along, pair, limit)
         self._ray = ray_of(problem, along)
         self._march = March(problem, (), self._ray, pair, self._end)
         self._floor = DEFAULT.march * self._march.unit
@@ -578,8 +573,9 @@ class _OneWay:
         return furthest
 
 
-def _span_of(problem: Problem, along: Array, pair: Array, end: Reach, clearance: float = 0.0) -> float:
+def _span_of(problem: Problem, along: Array, pair: Array, limit: float | None, clearance: float = 0.0) -> float:
     """Return how far to look: half of what repeats itself, no further than bodies can be nearer than a clearance."""
+    end = reach(problem, along, limit)
     if end.kind != "unbounded":
         return end.x / 2.0 if end.kind == "whole turn" else end.x
     return apart_beyond(problem, along, pair, clearance)

@@ -16,7 +16,6 @@ from fcdm_opt.errors import InputError, name_list
 from fcdm_opt.problem import syntax
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.solution import Bounded, Effort
     from fcdm_opt.show.solved import SolvedCase
@@ -156,8 +155,13 @@ def range_command(
             if isinstance(problem, Problem):
                 return [(None, times)]
             return [(AssemblyRange(problem, times.to_dict()["direction"], {}, (*opened,)), times), *touching]
-        found, shared = coherent_range(problem, along), contact_times_or_refusal(problem, along)
-        told = {"error": shared} if isinstance(shared, str) else shared.to_dict()
+        found: Any = coherent_range(problem, along)
+        try:
+            shared: Any = contact_times(problem, along)
+            told = shared.to_dict()
+        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
+            shared = f"not told: {reason}"
+            told = {"error": shared}
         entry |= {**found.to_dict(), "contact_times": told}
         each = [*found.contacts.values()] if isinstance(found, AssemblyRange) else [found]
         if inquiry.pictures:
@@ -165,12 +169,6 @@ def range_command(
                 figure = family_figure(own, title=f"{file.name}: case {own.problem.name}, coherent range")
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
         return [(found, shared), *touching]
-
-    def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
-        try:
-            return contact_times(problem, along)
-        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
-            return f"not told: {reason}"
 
     inquiry.ask(answered, lambda rows: print_ranges([pair for each in rows for pair in each]))
 

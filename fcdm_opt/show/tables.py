@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.units import measured
@@ -193,19 +193,12 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
         if isinstance(coherent, AssemblyRange):
             _print_assembly_range(coherent, times)
             continue
-        at_contact = list[str]()
-        if coherent is not None:
-            problem = coherent.problem if isinstance(times, str) else cast("Problem", times.problem)
-            words = tuple(range_texts(coherent))
-            head, *ends = words if words not in known else (f"range as of {known[words]}",)
-            known.setdefault(words, problem.name)
-            ends += _doubts(coherent, problem)
-        else:
-            found = cast("ContactTimes", times)
-            problem, ends = cast("Problem", found.problem), []
-            head = no_contact_text(problem)
-            steps = ((_steps_text(found, touch.x), touch.features) for touch in found.touches)
-            at_contact = [f"at {at}, {contact_text(problem, features)}" for at, features in steps]
+        asked: Any = coherent if isinstance(times, str) else times
+        problem, touches = asked.problem, () if coherent else asked.touches
+        words = (*range_texts(coherent), *_doubts(coherent, problem)) if coherent else (no_contact_text(problem),)
+        head, *ends = (f"range as of {known[words]}",) if coherent and words in known else words
+        known.setdefault(words, problem.name)
+        at_contact = [f"at {_steps_text(asked, own.x)}, {contact_text(problem, own.features)}" for own in touches]
         scales = " and ".join(f"{x:.{texts.PLACES}g}" for x in problem.target.tolist())
         resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
         states = _state_texts(times, f"the parts made{resized}, moved along this: ")
