@@ -158,11 +158,11 @@ def range_command(
         found: Any = coherent_range(problem, along)
         try:
             shared: Any = contact_times(problem, along)
-            told = shared.to_dict()
+            data = shared.to_dict()
         except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
             shared = f"not told: {reason}"
-            told = {"error": shared}
-        entry |= {**found.to_dict(), "contact_times": told}
+            data = {"error": shared}
+        entry |= {**found.to_dict(), "contact_times": data}
         each = [*found.contacts.values()] if isinstance(found, AssemblyRange) else [found]
         if inquiry.pictures:
             for own in each:
