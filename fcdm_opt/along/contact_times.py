@@ -10,14 +10,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along import conditions as forms
 from fcdm_opt.along.coherent_range import (
-    Reach,
     checked_direction,
     facet_errors_of,
     motion_of,
@@ -209,27 +208,55 @@ def contact_times(
         if scale_pair is not None:
             what, allowed = "an assembly has a scale for each part", "none: Assembly.scales"
             raise InputError(what, key="scale_pair", found=scale_pair, allowed=allowed)
-        return _of_assembly(problem, direction, limit)
-    along = checked_direction(problem, direction)
-    given = None if scale_pair is None else arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True)
-    pair = frozen(problem.target if given is None else given)
+        parts, pair = [" - ".join(own) for own in problem.questions], np.full(2, np.nan)
+        along, each = _of_assembly(problem, direction, limit)
+    else:
+        parts, pair, along = [""], problem.target, checked_direction(problem, direction)
+        if scale_pair is not None:
+            pair = frozen(arguments.pair(scale_pair, "scale_pair", "two scales > 0", positive=True))
+        each = _of_each(problem, along, pair, limit)
+    low, high = _ends_of([*each.values()], limit)
+    spans = {name: _between(own.spans, low, high) for name, own in each.items()}
+    found = [each[name] for name in parts]
+    touches = sorted((t for own in found for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
+    keep_outs = {name: spans[name] for name in dict.fromkeys([*parts, *spans]) if name}
+    lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
+    asked = problem if isinstance(problem, Assembly) else found[0].problem
+    joined = _overlapping_any(spans[name] for name in parts)
+    return ContactTimes(asked, along, pair, joined, tuple(touches), keep_outs, all(own.proved for own in found), lines)
+
+
+def _of_each(problem: Problem, along: Array, pair: Array, limit: float | None) -> dict[str, ContactTimes]:
+    """Return the times of two bodies, by "", and of the movable one and each keep-out, by its name."""
     within = exact_where(of_bodies(problem, pair), 0.0 * along, apart=0.0)
-    asked = {own.name: _with_keep_out(problem, own, pair) for own in problem.keep_out}
-    keep_outs = {
-        own.name: _times_clear(asked[own.name], along, own.clearance, limit)
-        if own.clearance
-        else contact_times(asked[own.name], along, limit=limit)
-        for own in problem.keep_out
-    }
     exact = within.exact_at is not None
     found = _times(within if exact else problem, along, pair, limit)
-    found = _of_true_faces(found, within) if exact else found
-    each = [found, *keep_outs.values()]
-    return replace(
-        found,
-        keep_outs={name: own.spans for name, own in keep_outs.items()},
-        known_to=tuple(dict.fromkeys(line for own in each for line in own.known_to)),
-    )
+    each = {"": _of_true_faces(found, within) if exact else found}
+    for own in problem.keep_out:
+        asked = _with_keep_out(problem, own, pair)
+        near = _times_clear(asked, along, own.clearance, limit) if own.clearance else None
+        each[own.name] = near or _of_each(asked, along, asked.target, limit)[""]
+    return each
+
+
+def _ends_of(each: Sequence[ContactTimes], limit: float | None) -> tuple[float, float]:
+    """Return from where to where several times tell of: as far as all, but for bodies that a shift leaves apart."""
+    ends = [0.0, 0.0]
+    for k, side in enumerate((-1.0, 1.0)):
+        looked, known = [abs(own.searched[k]) for own in each], list[float]()
+        for x, own in zip(looked, each, strict=True):
+            asked, along = cast("Problem", own.problem), side * own.direction
+            if reach(asked, along, limit).kind != "unbounded" or x < apart_beyond(asked, along, own.pair):
+                known.append(x)
+        ends[k] = side * min(known or [max(filter(math.isfinite, looked), default=0.0)])
+    return ends[0], ends[1]
+
+
+def _between(spans: Sequence[StateSpan], low: float, high: float) -> tuple[StateSpan, ...]:
+    """Return spans from one x to another, the first and the last stretched to these."""
+    ends = pairwise([-math.inf, *(own.low for own in spans[1:]), math.inf])
+    known = ((own.state, max(start, low), min(end, high)) for own, (start, end) in zip(spans, ends, strict=True))
+    return tuple(StateSpan(*own) for own in known if own[1] < own[2])
 
 
 def _of_true_faces(times: ContactTimes, within: Problem) -> ContactTimes:
@@ -291,9 +318,7 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     Nearer by less than `Tolerances.march` times the size is not looked for where that lasts as short.
     """
     pair = problem.target
-    back, ahead = (
-        sign * _span_of(problem, along, pair, reach(problem, sign * along, limit), clearance) for sign in (-1.0, 1.0)
-    )
+    back, ahead = (sign * _span_of(problem, sign * along, pair, limit, clearance) for sign in (-1.0, 1.0))
     found = nearer_than(problem, along, pair, clearance, (back, ahead), DEFAULT.march * problem.size)
     if found is None:
         what = "how fast this motion moves corners is not known, and this keep-out is to be kept clear of"
@@ -302,41 +327,27 @@ def _times_clear(problem: Problem, along: Array, clearance: float, limit: float 
     return ContactTimes(problem, along, pair, tuple(spans), (), {}, False, facet_errors_of(problem))
 
 
-def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> ContactTimes:
-    """Return over which motions some two parts overlap: as far as all of those that the motion moves are looked at."""
-    each, still = dict[str, ContactTimes](), dict[str, State]()
-    along, moved, kept = np.zeros(0), [part for part, _ in assembly.parameters], dict[str, tuple[StateSpan, ...]]()
+def _of_assembly(assembly: Assembly, direction: Any, limit: float | None) -> tuple[Array, dict[str, ContactTimes]]:
+    """Return a direction, and the times of every two parts, not both fixed, and of each part and keep-out."""
+    each = dict[str, ContactTimes]()
+    along, moved = np.zeros(0), [part for part, _ in assembly.parameters]
     for pair, problem in assembly.questions.items():
-        along, name = checked_direction(problem, direction), " - ".join(pair)
-        involved = assembly.involved(*pair)
+        along, involved = checked_direction(problem, direction), assembly.involved(*pair)
+        names = {"": " - ".join(pair), **{own.name: f"{pair[0]} - {own.name}" for own in problem.keep_out}}
         if any(x for part, x in zip(moved, along.tolist(), strict=True) if part in involved):
-            each[name] = contact_times(problem, along, limit=limit)
-            kept |= {f"{pair[0]} - {own}": spans for own, spans in each[name].keep_outs.items()}
+            times = _of_each(problem, along, frozen(problem.target), limit)
         else:
-            still[name] = _at_rest(problem)
-            for own in problem.keep_out:
-                there = _at_rest(_with_keep_out(problem, own, problem.target), own.clearance)
-                kept[f"{pair[0]} - {own.name}"] = (StateSpan(there, -np.inf, np.inf),)
-    low = max((own.spans[0].low for own in each.values()), default=0.0)
-    high = min((own.spans[-1].high for own in each.values()), default=0.0)
-
-    def within(spans: Iterable[StateSpan]) -> tuple[StateSpan, ...]:
-        seen = (span for span in spans if span.high > low and span.low < high)
-        return tuple(StateSpan(span.state, max(span.low, low), min(span.high, high)) for span in seen)
-
-    spans = {name: within(own.spans) for name, own in each.items()}
-    spans |= {name: (StateSpan(state, low, high),) for name, state in still.items()}
-    joined = _overlapping_any(spans.values())
-    touches = sorted((t for own in each.values() for t in own.touches if low <= t.x <= high), key=lambda t: t.x)
-    proved = all(own.proved for own in each.values())
-    every = spans | {name: within(own) for name, own in kept.items()}
-    lines = tuple(dict.fromkeys(line for own in each.values() for line in own.known_to))
-    return ContactTimes(assembly, along, np.full(2, np.nan), joined, tuple(touches), every, proved, lines)
+            kept = {own.name: (_with_keep_out(problem, own, problem.target), own.clearance) for own in problem.keep_out}
+            times = {own: _at_rest(*asked, along) for own, asked in {"": (problem, 0.0), **kept}.items()}
+        each |= {names[own]: found for own, found in times.items()}
+    return along, each
 
 
-def _at_rest(problem: Problem, clearance: float = 0.0) -> State:
+def _at_rest(problem: Problem, clearance: float, along: Array) -> ContactTimes:
+    """Return the times of two bodies that a motion does not move against each other."""
     gap = problem.curve.distance(problem.target) if clearance else problem.curve.gap(problem.target)
-    return "overlapping" if gap < clearance - problem.contact_slack else "apart"
+    state: State = "overlapping" if gap < clearance - problem.contact_slack else "apart"
+    return ContactTimes(problem, along, problem.target, (StateSpan(state, -math.inf, math.inf),), (), {}, proved=True)
 
 
 def _to_first_contacts(
@@ -345,7 +356,7 @@ def _to_first_contacts(
     """Return a question with the parts of large bodies that meet first active, and how far to look; others as is."""
     if not problem.partial:
         return problem, limit
-    ends = [_span_of(problem, sign * along, pair, reach(problem, sign * along, limit)) for sign in (-1.0, 1.0)]
+    ends = [_span_of(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     moving = moving_at_most(problem, along, pair)
     x, unit = 0.0, FIRST / max(ray_of(problem, along).natural_step[1] / problem.size, 1.0 / max(ends))
     while x < max(ends):
@@ -375,10 +386,8 @@ def _of_solids(
             pose = problem.motion.transform(middle * along, problem.movable.seed, problem.static.seed)
             if PlacedSolids(problem.movable, problem.static, pair, pose).nested:
                 state = "overlapping"
-        if found and found[-1].state == state:
-            found[-1] = StateSpan(state, found[-1].low, span.high)
-        else:
-            found.append(StateSpan(state, span.low, span.high))
+        found.append(replace(span, state=state))
+    found = [*_overlapping_any([found])]
     inside = [(span.low, span.high) for span in found if span.state == "overlapping"]
     real = [t for t in touches if t.features or not kept_as_surface(*problem.active)]
     return found, [t for t in real if t.grazing or not any(low < t.x < high for low, high in inside)]
@@ -404,7 +413,7 @@ class _OneWay:
 
     def __init__(self, problem: Problem, along: Array, pair: Array, limit: float | None) -> None:
         self._problem, self._along, self._pair = problem, along, pair
-        self._end: float = _span_of(problem, along, pair, reach(problem, along, limit))
+        self._end: float = _span_of(problem, along, pair, limit)
         self._ray = ray_of(problem, along)
         self._march = March(problem, (), self._ray, pair, self._end)
         self._floor = DEFAULT.march * self._march.unit
@@ -549,8 +558,9 @@ class _OneWay:
         return furthest
 
 
-def _span_of(problem: Problem, along: Array, pair: Array, end: Reach, clearance: float = 0.0) -> float:
+def _span_of(problem: Problem, along: Array, pair: Array, limit: float | None, clearance: float = 0.0) -> float:
     """Return how far to look: half of what repeats itself, no further than bodies can be nearer than a clearance."""
+    end = reach(problem, along, limit)
     if end.kind != "unbounded":
         return end.x / 2.0 if end.kind == "whole turn" else end.x
     return apart_beyond(problem, along, pair, clearance)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -17,7 +16,6 @@ from fcdm_opt.errors import InputError, name_list
 from fcdm_opt.problem import syntax
 
 if TYPE_CHECKING:
-    from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.problem.solution import Bounded, Effort
     from fcdm_opt.show.solved import SolvedCase
@@ -147,36 +145,30 @@ def range_command(
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> list[tuple[Any, Any]]:
         along = _default_direction(file, problem) if direction is None else direction
         asked = {"": problem} if isinstance(problem, Problem) else moved_contacts(problem, along)
-        opened = [own for own in asked.values() if not has_contact(own)]
-        touching = [(None, contact_times(own, along)) for own in opened]
+        opened = {name: own for name, own in asked.items() if not has_contact(own)}
+        touching = [(None, contact_times(own, along)) for own in opened.values()]
         if opened and len(opened) == len(asked):
-            entry |= {"contact_times": contact_times(problem, along).to_dict()}
+            times = contact_times(problem, along)
+            entry |= {"contact_times": times.to_dict()}
             if inquiry.pictures:
                 say(f"no picture of case {problem.name!r}: parts apart, or overlapping, have no contact to follow")
-            return [*touching]
-        found = coherent_range(problem, along)
-        times = contact_times_or_refusal(problem, along)
-        entry |= {**found.to_dict(), "contact_times": {"error": times} if isinstance(times, str) else times.to_dict()}
+            if isinstance(problem, Problem):
+                return [(None, times)]
+            return [(AssemblyRange(problem, times.to_dict()["direction"], {}, (*opened,)), times), *touching]
+        found: Any = coherent_range(problem, along)
+        try:
+            shared: Any = contact_times(problem, along)
+            data = shared.to_dict()
+        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
+            shared = f"not told: {reason}"
+            data = {"error": shared}
+        entry |= {**found.to_dict(), "contact_times": data}
         each = [*found.contacts.values()] if isinstance(found, AssemblyRange) else [found]
         if inquiry.pictures:
             for own in each:
                 figure = family_figure(own, title=f"{file.name}: case {own.problem.name}, coherent range")
                 inquiry.pictures.add(f"{file.path.stem}-{own.problem.name}", figure, ending="-range")
-        if not isinstance(found, AssemblyRange):
-            return [(found, times)]
-        asked = {" - ".join(pair): own for pair, own in problem.questions.items()}  # those followed are as drawn
-        spans = [contact_times_or_refusal(asked.get(name, own.problem), along) for name, own in found.contacts.items()]
-        if spans and not isinstance(times, str) and not isinstance(spans[-1], str):  # what contacts do not say
-            others = {name: own for name, own in times.keep_outs.items() if name not in found.contacts}
-            met = {name: own for name, own in others.items() if any(span.state == "overlapping" for span in own)}
-            spans[-1] = replace(spans[-1], keep_outs=met)
-        return [*[(found, "")] * (len(each) > 1), *zip(each, spans, strict=True), *touching]
-
-    def contact_times_or_refusal(problem: Any, along: Any) -> ContactTimes | str:
-        try:
-            return contact_times(problem, along)
-        except InputError as reason:  # keep-outs that it cannot count: the tracked contact is told all the same
-            return f"not told: {reason}"
+        return [(found, shared), *touching]
 
     inquiry.ask(answered, lambda rows: print_ranges([pair for each in rows for pair in each]))
 
@@ -190,7 +182,7 @@ def _default_direction(file: OpenedFile, problem: Any) -> Any:
         return published
     from fcdm_opt.solver import solve
 
-    solution = solve(problem, effort="quick")
+    solution = solve(problem)
     if not solution.status.found or not solution.amount > 0:
         advice = "the case is solved without any motion" if solution.status.found else solution.advice
         what = f"no direction is given, and none follows from a motion that solves the case: {advice}"

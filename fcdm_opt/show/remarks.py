@@ -48,7 +48,8 @@ def remarks(solution: Solution) -> list[str]:
     if (snapped := solution.problem.snapped) is not None:
         was = f"nominal ({numbers(snapped.asked, 9)}), where the gap was {measured(snapped.gap, unit, 3)}"
         told.append(f"{was}, closed to the curve at ({numbers(snapped.pair, 9)})")
-    for name, gap in solution.keep_out_gaps.items():
+    moved = solution.status is not Status.OUTSIDE_FIT  # else no motion is shown that gaps could be of
+    for name, gap in solution.keep_out_gaps.items() if moved else ():
         off = f"{measured(abs(gap), unit, 4)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
         told.append(f"keep-out {name}: {state}")

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.fitting import barred_text
-from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.plain import plain
 from fcdm_opt.problem.problem import Problem
@@ -30,7 +29,7 @@ from fcdm_opt.show.verdict import (
 
 if TYPE_CHECKING:
     from fcdm_opt.along.coherent_range import AssemblyRange, CoherentRange
-    from fcdm_opt.along.contact_times import ContactTimes, StateSpan
+    from fcdm_opt.along.contact_times import ContactTimes
     from fcdm_opt.curve.decision_curve import DecisionCurve
     from fcdm_opt.design.compensation.assembly_yield import AssemblyYield
     from fcdm_opt.design.fixed_pose.clearances import Clearances
@@ -81,20 +80,14 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
             {
                 "switching point": f"SW{p.index}",
                 "rho": _point(p.rho),
-                "kind": _few(p.kind.split(" & "), " & "),
-                "contact": _few([_label(feature, curve) for feature in p.contact_features], "\n"),
-                "at": _few(list(map(_point, p.contacts)), "\n"),
+                "kind": " & ".join(texts.few(p.kind.split(" & "), MOST_MET)),
+                "contact": "\n".join(texts.few([_label(feature, curve) for feature in p.contact_features], MOST_MET)),
+                "at": "\n".join(texts.few([*map(_point, p.contacts)], MOST_MET)),
             }
             for p in curve.switching_points
         ]
         if points:
             print_rows(points)
-
-
-def _few(told: Sequence[str], between: str) -> str:
-    """Return what is told of the contacts of a switching point; of many of the first ones, and how many there are."""
-    more = [f"and {len(told) - MOST_MET} more"] if len(told) > MOST_MET else []
-    return between.join([*told[:MOST_MET], *more])
 
 
 def _label(feature: Any, bodies: Any) -> str:
@@ -189,71 +182,89 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
     """Print how long the contact of each case lasts, what ends it both ways, and when the pair made touches.
 
     The latter may be a reason why that is not told. Of parts that do not touch as drawn it is all there is. What an
-    assembly's contacts have in common stands before them.
+    assembly's contacts have in common, and how all of its parts lie, stands before each of them.
     """
     from fcdm_opt.along.coherent_range import AssemblyRange  # as isinstance takes it
 
     known = dict[tuple[str, ...], str]()  # range in words -> the case that it is told of
     for coherent, times in rows:
         if isinstance(coherent, AssemblyRange):
-            head, *ends = shared_range_texts(coherent)
-            print_text(f"{coherent.assembly.name}: {head}", indent="   ")
-            for text in ends:
-                print_text(f"- {text}", indent="  ")
+            _print_assembly_range(coherent, times)
             continue
-        at_contact = list[str]()
-        if coherent is not None:
-            problem, direction = coherent.problem, coherent.direction
-            words = tuple(range_texts(coherent))
-            head, *ends = words if words not in known else (f"range as of {known[words]}",)
-            known.setdefault(words, problem.name)
-            if not coherent.proved:
-                ends.append("a condition touches zero at rest: what is near there is not proved")
-            asked = problem if isinstance(times, str) else cast("Problem", times.problem)
-            if opening := [name for name, x in (asked.made or {}).items() if x != (problem.made or {}).get(name, 0.0)]:
-                ends.append(f"followed with {texts.listed(opening)} as drawn: as made there is no such contact at rest")
-        else:
-            assert not isinstance(times, str)
-            problem, direction, ends = cast("Problem", times.problem), times.direction, []
-            head = no_contact_text(problem)
-            steps = (
-                (texts.steps_text(problem, (touch.x * direction).tolist()), touch.features) for touch in times.touches
-            )
-            at_contact = [f"at {at}, {contact_text(problem, features)}" for at, features in steps]
-        print_text(f"{problem.name}: {head}", indent="   ")
+        asked: Any = coherent if isinstance(times, str) else times
+        problem, touches = asked.problem, () if coherent else asked.touches
+        words = (*range_texts(coherent), *_doubts(coherent, problem)) if coherent else (no_contact_text(problem),)
+        head, *ends = (f"range as of {known[words]}",) if coherent and words in known else words
+        known.setdefault(words, problem.name)
+        at_contact = [f"at {_steps_text(asked, own.x)}, {contact_text(problem, own.features)}" for own in touches]
         scales = " and ".join(f"{x:.{texts.PLACES}g}" for x in problem.target.tolist())
         resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
-        made = f"the parts made{resized}, moved along this"
-        if isinstance(times, str):
-            ends.append(f"{made}: {times}")
-        else:
-            for key, spans in {made: times.spans, **times.keep_outs}.items():
-                name = key if key == made or " - " in key else f"keep-out {key}"
-                seen = spans if at_contact else _near(problem, direction, spans)  # as far as what touches is told
-                states = [(span, times.state_text(key, span)) for span in seen]
-                facets = "".join(f"; of facets: {line}" for line in times.known_to if key == made)
-                ends.append(f"{name}: {_spans(problem, direction, states)}{facets}")
-            low, high = (texts.steps_text(problem, (x * direction).tolist()) for x in times.searched)
-            beyond = f"searched from {low} to {high}: what is beyond is not known"
-            ends += [beyond] * all(map(math.isfinite, times.searched))
-        for text in (*ends, *at_contact):
-            print_text(f"- {text}", indent="  ")
+        states = _state_texts(times, f"the parts made{resized}, moved along this: ")
+        _print_range(f"{problem.name}: {head}", [*ends, *states, *at_contact])
     print_text()
 
 
-def _near(problem: Problem, direction: Array, spans: Sequence[StateSpan]) -> Sequence[StateSpan]:
-    """Return the spans that a mere shift leads through within the size: farther off is another question."""
-    turns = direction[problem.motion.turning].any()
-    far = math.inf if turns else problem.size / max(math.hypot(*(problem.weights * direction)), 1e-300)
-    return [span for span in spans if span.high > -far and span.low < far] or spans
+def _print_range(head: str, ends: Iterable[str]) -> None:
+    print_text(head, indent="   ")
+    for text in ends:
+        print_text(f"- {text}", indent="  ")
 
 
-def _spans(problem: Problem, direction: Array, seen: Sequence[tuple[StateSpan, str]]) -> str:
-    """Return how the parts made lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
-    places = [texts.telling(problem, (span.high * direction).tolist()) for span, _ in seen[:-1]]
-    ends = [f" up to {texts.steps_text(problem, q) if any(q) else 'where they are drawn'}" for q in places] + [""]
-    text = ", ".join(f"{state}{end}" for (_, state), end in zip(seen, ends, strict=True))
-    return f"{text} {'beyond' if len(seen) > 1 else 'all along'}"
+def _print_assembly_range(found: AssemblyRange, times: ContactTimes | str) -> None:
+    """Print how long all contacts last, how the parts made lie, and what ends each contact, of like ones once."""
+    from fcdm_opt.along.coherent_range import moved_contacts
+
+    name, (head, *ends) = found.assembly.name, shared_range_texts(found)
+    _print_range(f"{name}: {head}", [*ends, *_state_texts(times, "the parts made: ", found)])
+    asked, alike = moved_contacts(found.assembly, found.direction), dict[tuple[str, ...], list[str]]()
+    for pair, own in found.contacts.items():
+        words = (*range_texts(own, ""), *_doubts(own, asked[pair]))
+        alike.setdefault(words, []).append(f"{pair}: {contact_text(own.problem, own.features, named=True)}")
+    for (until, *others), contacts in alike.items():
+        _print_range(f"{name}: {'; '.join(contacts)}{until}", others)
+
+
+def _doubts(coherent: CoherentRange, asked: Problem) -> list[str]:
+    """Return what of a range is not proved, and which sizes of the parts made are left as drawn in it."""
+    doubts = ["a condition touches zero at rest: what is near there is not proved"] * (not coherent.proved)
+    kept = coherent.problem.made or {}
+    if opening := [name for name, x in (asked.made or {}).items() if x != kept.get(name, 0.0)]:
+        doubts.append(f"followed with {texts.listed(opening)} as drawn: as made there is no such contact at rest")
+    return doubts
+
+
+def _state_texts(times: ContactTimes | str, made: str, moved: AssemblyRange | None = None) -> list[str]:
+    """Return how bodies lie along a motion, like ones of an assembly together, and how far was looked.
+
+    Of an assembly those that overlap anywhere, or whose contact is followed.
+    """
+    if isinstance(times, str):
+        return [f"{made}{times}"]
+    alike = dict[str, list[str]]() if moved else {f"{made}{_spans_text(times, '')}": list[str]()}
+    for name, spans in times.keep_outs.items():
+        if not moved:
+            alike[f"keep-out {name}: {_spans_text(times, name)}"] = []
+        elif name in moved.contacts or (name not in moved.apart and any(own.state == "overlapping" for own in spans)):
+            alike.setdefault(_spans_text(times, name), []).append(name)
+    lines = [f"as made, {texts.listed(names)}: {text}" if names else text for text, names in alike.items()]
+    low, high = (_steps_text(times, x) for x in times.searched)
+    beyond = f"searched from {low} to {high}: what is beyond is not known"
+    lines += [f"of facets: {line}" for line in times.known_to]
+    return [*lines, *[beyond] * all(map(math.isfinite, times.searched))]
+
+
+def _spans_text(times: ContactTimes, name: str) -> str:
+    """Return how bodies lie along a range: "overlapping up to TX -0.6975 mm, apart beyond"."""
+    spans = times.keep_outs.get(name, times.spans)
+    ends = [f" up to {_steps_text(times, span.high)}" for span in spans[:-1]]
+    ends.append(" beyond" if ends else " all along")
+    return ", ".join(f"{times.state_text(name, span)}{end}" for span, end in zip(spans, ends, strict=True))
+
+
+def _steps_text(times: ContactTimes, x: float) -> str:
+    asked = times.problem if isinstance(times.problem, Problem) else next(iter(times.problem.questions.values()))
+    values = texts.telling(asked, (x * times.direction).tolist())
+    return texts.steps_text(asked, values) if any(values) else "where they are drawn"
 
 
 def _question_text(scene: Scene) -> str:

@@ -123,12 +123,14 @@ def sizes_text(scene: Scene, of: str | None = None) -> str:
     """Return which sizes by name, of all parts or of one, came out otherwise than drawn, and by how much; else ""."""
     made = [(size, (scene.made or {}).get(size.name, 0.0)) for size in scene.sizes if of in (None, size.body)]
     texts = [f"{size.name} {size.deviation_text(x, scene.unit)}" for size, x in made if x]
-    return ", ".join(_few(texts, "more size"))
+    return ", ".join(few(texts, MOST_SIZES, "more size"))
 
 
-def _few(texts: list[str], more: str) -> list[str]:
-    """Return so many as are told in a line, and how many more there are."""
-    return texts if len(texts) <= MOST_SIZES + 1 else [*texts[:MOST_SIZES], counted(len(texts) - MOST_SIZES, more)]
+def few(words: list[str], most: int, more: str = "") -> list[str]:
+    """Return of many words the first, and how many more there are: "and 3 more", "2 more sizes"."""
+    if len(words) <= most + bool(more):
+        return words
+    return [*words[:most], counted(len(words) - most, more) if more else f"and {len(words) - most} more"]
 
 
 def made_text(assembly: Assembly, part: str) -> str:
@@ -148,7 +150,7 @@ def limits_texts(scene: Scene) -> list[str]:
 
 def limits_text(scene: Scene) -> str:
     """Return the same on one line, of many the first: "limits TX from -0.05 to 0.05 mm"; "" where there are none."""
-    texts = _few(limits_texts(scene), "more limit")
+    texts = few(limits_texts(scene), MOST_SIZES, "more limit")
     return f"limits {', '.join(texts)}" if texts else ""
 
 

@@ -75,12 +75,12 @@ def _refused_text(solution: Solution) -> str:
         late = bool(solution.stopped)  # then nothing else is asked either
         why, more = solution.reason, ""
         with advising(solution):
-            why = why if late else barring(problem) or why
-            more = "" if late else _without_clearance(problem, why)
+            barred = "" if late else barring(problem)
+            more = "" if late else _without_clearance(problem, barred or why)
         through = texts.listed(gone_through(solution))
         where = f"goes straight through {through}" if through else "takes it out of the place it is drawn in"
         known = f"{solution.stopped}: the only motion found by then" if late else NO_FIT
-        return more or f"{known} {where}" + f"; {why}" * bool(why)
+        return more or "; ".join(filter(None, (f"{known} {where}", why, barred)))
     if solution.status.name == "NOT_FOUND" and solution.active and not solution.stopped:
         return f"{REFUSED['NOT_FOUND']}; {'; '.join(solution.active)}"
     if solution.stopped:
@@ -161,24 +161,24 @@ def _done(problem: Problem, values: Sequence[float]) -> list[tuple[str, str]]:
     return [step for own, step in steps if any(own)]
 
 
-def range_texts(coherent: CoherentRange) -> list[str]:
+def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
     """Return from where to where the contact meant lasts, and what ends it on both sides, a sentence each.
 
     Where the motion leads across the contact it lasts at sizes that change on the way, down to a size of zero at most.
+    `head`: in place of along which motion what touches.
     """
     problem = coherent.problem
-    ends = []
-    for event in coherent.events:
-        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
-        steps = " and ".join(" ".join(step) for step in _done(problem, values)) if values else ""
-        ends.append((event, steps or "no motion at all" * bool(values)))
-    along = texts.steps_text(problem, coherent.direction.tolist())
-    sizes = " while the sizes change with the motion (at unchanged sizes the parts come apart or overlap)"
+    if head is None:
+        contact = contact_text(problem, coherent.features, named=True)
+        head = f"along {texts.steps_text(problem, coherent.direction.tolist())}, {contact}"
+    sizes = " while both scales change, as little as keeps it (at unchanged sizes the parts come apart or overlap)"
     near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
     sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
-    told = [f"along {along}, {contact_text(problem, coherent.features, named=True)}{sizes}, until"]
-    for side, (event, steps) in zip(("backwards", "forwards"), ends, strict=True):
-        if not steps:
+    told = [f"{head}{sizes}, until"]
+    for side, event in zip(("backwards", "forwards"), coherent.events, strict=True):
+        values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
+        steps = " and ".join(map(" ".join, _done(problem, values) if values else [])) or "no motion at all"
+        if not values:
             what = "nothing ends it"
         elif event.kind == "scale":
             what = f"{steps}; there, a size would be zero, and no other contact ends it before"
@@ -192,12 +192,13 @@ def range_texts(coherent: CoherentRange) -> list[str]:
 
 def shared_range_texts(found: AssemblyRange) -> list[str]:
     """Return how far all contacts of an assembly last at once, and which of them is the first to end both ways."""
-    each = [*found.contacts.values()]
-    lines = [f"all {len(each)} contacts last at once until"]
+    asked, direction = next(iter(found.assembly.questions.values())), [*found.direction.values()]
+    along = f"along {texts.steps_text(asked, direction)}"
+    if len(found.contacts) < 2:
+        return [along]
+    lines = [f"all {len(found.contacts)} contacts last at once {along}, until"]
     for side, event in (("backwards", found.first), ("forwards", found.last)):
-        steps = (
-            texts.steps_text(each[0].problem, (event.x * each[0].direction).tolist()) if math.isfinite(event.x) else ""
-        )
+        steps = texts.steps_text(asked, [event.x * x for x in direction]) if math.isfinite(event.x) else ""
         first = f"{steps}; there, that of {event.what.partition(': ')[0]} is the first to end"
         lines.append(f"{side}: {first if steps else 'nothing ends it'}")
     return lines
@@ -391,8 +392,7 @@ def held_text(labels: Sequence[str], scene: Scene) -> str:
     """Return what touches or holds a motion, in words, each once; of much the first, and how much more there is."""
     words = (labels_in_words(str(own), scene) for own in labels)
     whole = dict.fromkeys(re.sub(r"convex part \d+ of ", "", own).replace("stays apart", "kept apart") for own in words)
-    more = [f"and {len(whole) - CONTACTS} more"] if len(whole) > CONTACTS else []
-    return "; ".join([*[*whole][:CONTACTS], *more]) or "none"
+    return "; ".join(texts.few([*whole], CONTACTS)) or "none"
 
 
 def fit_text(problem: Problem) -> str:

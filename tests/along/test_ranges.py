@@ -449,7 +449,8 @@ def test_nothing_was_said_to_end_the_contact_of_a_plug_on_its_seat():
     across = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("z"), **asked))
     assert (across.low, across.high) == pytest.approx((-1.25, 0.625))
     head, down, up = range_texts(across)
-    assert "while the sizes change with the motion (at unchanged sizes the parts come apart or overlap), until" in head
+    least = "while both scales change, as little as keeps it (at unchanged sizes the parts come apart or overlap)"
+    assert least in head
     assert down == "backwards: move 1.25 along -z; there, a size would be zero, and no other contact ends it before"
     assert up.startswith("forwards: move 0.625 along +z; beyond, ")
     along = fo.coherent_range(fo.Problem(plug, seat, motion=fo.Translation("x"), **asked))

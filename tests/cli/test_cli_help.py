@@ -389,8 +389,8 @@ def test_a_range_of_an_assembly_passed_a_third_part_and_a_keep_out_without_a_wor
     result = run("range", path, "--direction", "cube.TX=1")
     assert result.exit_code == 0
     said = flat(result.stdout)
-    assert "- cube - post: apart up to cube.TX 2, overlapping up to cube.TX 5, apart beyond" in said
-    assert "- cube - rib: apart up to cube.TX 5, overlapping up to cube.TX 8, apart beyond" in said
+    assert "- as made, cube - post: apart up to cube.TX 2, overlapping up to cube.TX 5, apart beyond" in said
+    assert "- as made, cube - rib: apart up to cube.TX 5, overlapping up to cube.TX 8, apart beyond" in said
 
 
 def corners(*ends: float) -> list[list[float]]:

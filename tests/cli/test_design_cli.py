@@ -471,7 +471,7 @@ def test_the_range_of_an_assembly_told_first_what_another_contact_does_not_allow
     """Of four contacts each has its own range: together they last as far as the first to end."""
     code, told, _ = run("range", PROBLEMS / "assemblies" / "loop_of_four.toml", "--case", "made unlike")
     first = told.partition("made unlike: ")[2].partition("made unlike: ")[0]
-    assert (code, first.startswith("all 4 contacts last at once until")) == (0, True)
+    assert (code, first.startswith("all 4 contacts last at once along ")) == (0, True)
     assert "key - right wedge is the first to end" in " ".join(first.split())
 
 

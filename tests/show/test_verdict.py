@@ -25,6 +25,7 @@ from fcdm_opt.geometry.naming import told_element
 from fcdm_opt.problem import fit
 from fcdm_opt.show.assemblies import assembly_verdict, print_answers
 from fcdm_opt.show.printing import printed
+from fcdm_opt.show.remarks import remarks
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.tables import print_solutions, verdict_cell
 from fcdm_opt.show.texts import advised, parameter_texts, telling
@@ -599,3 +600,18 @@ def test_a_turn_on_a_floor_was_not_said_to_slide(motion: fo.Motion, slides: bool
     told = sure_text(fo.solve(fo.Problem(block, floor, motion=motion, goal="touch", target=(1, 1))))
     assert told.startswith("nothing to do")
     assert ("range and pose tell the play there" in told) == slides
+
+
+def test_of_a_motion_that_is_refused_the_gap_to_a_keep_out_was_told() -> None:
+    """A block .1 into the end of its channel, .06 before a post: .04 lack there, and past the end it is 3.96 clear."""
+    block, end = fo.Box((2, 2, 2), name="block"), fo.Box((2, 6, 2), centre=(1.9, 0, 0))
+    bars = [fo.Box((5, 1.95, 2), centre=(-1.6, y, 0)) for y in (2.025, -2.025)]
+    post = fo.Box((2, 2, 2), centre=(-2.06, 0, 0), name="post")
+    given: Any = {"motion": fo.Translation("x") >> fo.Translation("y"), "target": (1, 1), "goal": "clear"}
+    solution = fo.solve(fo.Problem(block, fo.joined(end, *bars, name="channel"), keep_out=[post], **given))
+    assert solution.status is fo.Status.OUTSIDE_FIT
+    assert not [told for told in remarks(solution) if "post" in told]
+    told = verdict_text(solution)
+    assert "at the nearest pose found (TX -0.06" in told
+    assert "overlap by 0.04; in the way, left face of block, right face of post touch; " in told
+    assert told.endswith("in the way: keep-out post, without which there is a motion")
