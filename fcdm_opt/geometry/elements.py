@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -54,6 +54,18 @@ class Elements(Mapping[str, Sequence[Element]]):
 
     def __len__(self) -> int:
         return len(self._kinds)
+
+    def mapped(self, rows: Callable[[Array], Array]) -> Elements:
+        """Return those of the part moved or scaled, as `rows` does points, (n, 3)."""
+        if not self.spans:
+            return self
+        points = [own.reshape(-1, 3) for span in self.spans.values() for own in (span.corners, *span.regions)]
+        moved = iter(np.split(frozen(rows(np.concatenate(points))), np.cumsum([*map(len, points)])[:-1]))
+        spans = {
+            key: Span(next(moved), span.elements, tuple(next(moved).reshape(own.shape) for own in span.regions))
+            for key, span in self.spans.items()
+        }
+        return Elements(*self._kinds.values(), spans)
 
 
 class _Named(Sequence[Element]):
