@@ -56,16 +56,12 @@ class Elements(Mapping[str, Sequence[Element]]):
         return len(self._kinds)
 
     def mapped(self, rows: Callable[[Array], Array]) -> Elements:
-        """Return those of the part moved or scaled, as `rows` does points, (n, 3)."""
-        if not self.spans:
-            return self
-        points = [own.reshape(-1, 3) for span in self.spans.values() for own in (span.corners, *span.regions)]
-        moved = iter(np.split(frozen(rows(np.concatenate(points))), np.cumsum([*map(len, points)])[:-1]))
+        """Return those of the part moved or scaled, as `rows` does points."""
         spans = {
-            key: Span(next(moved), span.elements, tuple(next(moved).reshape(own.shape) for own in span.regions))
-            for key, span in self.spans.items()
+            key: Span(frozen(rows(own.corners)), own.elements, tuple(frozen(rows(each)) for each in own.regions))
+            for key, own in self.spans.items()
         }
-        return Elements(*self._kinds.values(), spans)
+        return Elements(self["V"], self["E"], self["F"], spans) if spans else self
 
 
 class _Named(Sequence[Element]):
@@ -86,9 +82,9 @@ class _Named(Sequence[Element]):
 class Span(NamedTuple):
     """The body's own elements that one edge or face of a part lies on, which of them depends on the place."""
 
-    corners: Array  # of the part's edge or face, in the order of its ends or loop, as drawn, (n, 3)
+    corners: Array  # of the part's edge or face, in the order of its ends or loop, (n, 3)
     elements: tuple[Element, ...]
-    # for each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn, each (k, c, 3)
+    # for each element, the segments (c = 2) or triangles (c = 3) that it is, each (k, c, 3)
     regions: tuple[Array, ...]
 
     def at(self, corners: Array, points: Array) -> list[Element]:
