@@ -295,7 +295,7 @@ class _Solving:
         poses = assembly.poses(every)
         contacts = {pair: own for group in groups for pair, own in group.contacts.items()}
         low, high = np.linalg.norm([group.open_ for group in groups], axis=0).tolist() if groups else (amount, amount)
-        if not known_to(assembly.bodies[0], assembly.bodies[1:], assembly.unit):
+        if not known_to(assembly.bodies, assembly.unit):
             low = high = amount
         rest = not any(own.any() for own in every.values())
         return AssemblySolution(

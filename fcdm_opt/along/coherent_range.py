@@ -254,7 +254,7 @@ def coherent_range(
 
 def facet_errors_of(problem: Problem) -> tuple[str, ...]:
     """Return how far gaps of facets may be off those of true faces; nothing where the bodies are exact on these."""
-    return tuple(known_to(problem.movable, [problem.static], problem.unit))
+    return tuple(known_to((problem.movable, problem.static), problem.unit))
 
 
 def _on_true_faces(problem: Problem, along: Array, limit: float | None) -> CoherentRange | None:

@@ -464,17 +464,19 @@ def _each_case(
 
     Cases that differ in keys alone that are no matter, `ignored`, are asked about once.
     """
+    from fcdm_opt.geometry.facet_errors import known_to
     from fcdm_opt.judge.certificate import Certificate, judged_in_time
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import known_gaps, on_true_faces, sizes_as_drawn
+    from fcdm_opt.show.remarks import on_true_faces, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
-    known = dict[str, tuple[str, dict[str, Any]]]()
+    before = dict[str, tuple[str, dict[str, Any]]]()
 
     def answered(file: OpenedFile, problem: Problem, entry: dict[str, Any]) -> None:
-        inquiry.refused, of_facets, alike = False, False, _question_key(file, problem, ignored) if ignored else ""
-        if alike in known:
-            name, answers = known[alike]
+        inquiry.refused, known = False, dict[str, None]()
+        alike = _question_key(file, problem, ignored) if ignored else ""
+        if alike in before:
+            name, answers = before[alike]
             entry |= answers
             if not inquiry.as_json:
                 print_case(file.path.name, problem)
@@ -485,8 +487,10 @@ def _each_case(
                 print_case(file.path.name, problem)
             told = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
-            exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
-            of_facets |= not (key == "map" or exact)  # a map says it itself
+            if key != "map":  # which says it itself
+                exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
+                facets = [] if exact else known_to(problem.bodies, problem.unit)
+                known |= dict.fromkeys(getattr(answer, "known_to", facets))
             certificate = None
             if key in JUDGED:
                 certificate = Certificate(answer.checks) if hasattr(answer, "checks") else judged_in_time(answer)
@@ -500,14 +504,14 @@ def _each_case(
                 printed(answer)
                 if certificate is not None and certificate.passed:
                     print_judged(certificate)
-        if known_to := known_gaps(problem) if of_facets else []:
-            entry["known_to"] = known_to
+        if known:
+            entry["known_to"] = [*known]
         if unasked := sizes_as_drawn(problem) if "stack" not in entry else []:
             entry["sizes_as_drawn"] = unasked
         if not inquiry.as_json:
-            print_lines([*known_to, *unasked])
+            print_lines([*known, *unasked])
         if alike:
-            known[alike] = problem.name, {key: value for key, value in entry.items() if key not in ("name", "unit")}
+            before[alike] = problem.name, {key: value for key, value in entry.items() if key not in ("name", "unit")}
 
     inquiry.ask(answered)
 

@@ -209,14 +209,14 @@ class ContactGaps:
         }
 
     @property
-    def exact(self) -> bool:
-        """Whether rows are of true faces, each of plane ones or of points at which round ones touch as drawn."""
-        return all(
-            isinstance(own.line, _TruePoints)
-            or (is_plane_there(task.movable, own.feature.one) and is_plane_there(task.static, own.feature.two))
-            for own in self.lines
-            for task in (self.tasks[own.relation],)
-        )
+    def of_facets(self) -> tuple[Body, ...]:
+        """Bodies with a contact neither of plane faces nor of points at which round ones touch as drawn."""
+        found = dict[Body, None]()
+        for task, own in ((self.tasks[own.relation], own) for own in self.lines):
+            both = (task.movable, own.feature.one), (task.static, own.feature.two)
+            if not (isinstance(own.line, _TruePoints) or all(is_plane_there(*each) for each in both)):
+                found |= dict.fromkeys(body for body, _ in both)
+        return tuple(found)
 
     def words(self, relation: int, feature: Feature) -> str:
         """Return a contact in words."""

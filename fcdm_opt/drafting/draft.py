@@ -145,7 +145,7 @@ def draft(
     choice = replace(choice, solutions=asked_of)
     of_faces = choice.goal in ("touch", "clear") and all(map(all_recognised, (one, two)))
     if not (of_faces or (choice.usable and all(own.exact_of_mesh for own in choice.usable.values()))):
-        warned += known_to(one, [two], lengths)
+        warned += known_to((one, two), lengths)
     filters: dict[str, Callable[..., str]] = {
         "extent": partial(_extent, unit=lengths),
         "limits": partial(_limits, situation, choice),

@@ -103,7 +103,7 @@ class Situation:
         None of parts that are far, or that overlap by more than facets can be off: there faces cross.
         """
         both = self.movable, self.static
-        surely = float(self._usual.gap(DRAWN)) + gaps_off(self.movable, [self.static])[0]
+        surely = float(self._usual.gap(DRAWN)) + gaps_off((self.movable, self.static))[0]
         if not all(map(all_recognised, both)) or surely < -DEFAULT.snap * self.size:
             return []
         return where_nearest(*both, DRAWN, np.eye(4), DEFAULT.snap * self.size)

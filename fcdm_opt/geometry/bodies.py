@@ -744,7 +744,8 @@ class Body(_Sealed, NotebookRepr):
         seed = frozen(rows(self.seed[None])[0])
         ends = np.cumsum([len(part.vertices) for part in self.parts])[:-1]
         mapped = np.split(rows(np.concatenate([part.vertices for part in self.parts])), ends)
-        parts = tuple(part.placed(own, seed) for part, own in zip(self.parts, mapped, strict=True))
+        each = zip(self.parts, mapped, strict=True)
+        parts = tuple(replace(part.placed(own, seed), elements=part.elements.mapped(rows)) for part, own in each)
         full = None if self.full_body is None else self.full_body._mapped(rows)
         return replace(self, vertices=frozen(rows(self.vertices)), seed=seed, parts=parts, full_body=full)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -55,6 +55,14 @@ class Elements(Mapping[str, Sequence[Element]]):
     def __len__(self) -> int:
         return len(self._kinds)
 
+    def mapped(self, rows: Callable[[Array], Array]) -> Elements:
+        """Return those of the part moved or scaled, as `rows` does points."""
+        spans = {
+            key: Span(frozen(rows(own.corners)), own.elements, tuple(frozen(rows(each)) for each in own.regions))
+            for key, own in self.spans.items()
+        }
+        return Elements(self["V"], self["E"], self["F"], spans) if spans else self
+
 
 class _Named(Sequence[Element]):
     """Elements of one kind, each made when it is asked for: a large part has hundreds of thousands."""
@@ -74,9 +82,9 @@ class _Named(Sequence[Element]):
 class Span(NamedTuple):
     """The body's own elements that one edge or face of a part lies on, which of them depends on the place."""
 
-    corners: Array  # of the part's edge or face, in the order of its ends or loop, as drawn, (n, 3)
+    corners: Array  # of the part's edge or face, in the order of its ends or loop, (n, 3)
     elements: tuple[Element, ...]
-    # for each element, the segments (c = 2) or triangles (c = 3) that it is, as drawn, each (k, c, 3)
+    # for each element, the segments (c = 2) or triangles (c = 3) that it is, each (k, c, 3)
     regions: tuple[Array, ...]
 
     def at(self, corners: Array, points: Array) -> list[Element]:

@@ -461,26 +461,25 @@ def _moves(corners: Ints, owners: Ints, normals: Array, off: Array, flat: Flags,
 # ------------------------------------------------------------------------------------------------------- in words
 
 
-def gaps_off(movable: Body, others: Sequence[Body]) -> tuple[float, float]:
+def gaps_off(bodies: Sequence[Body]) -> tuple[float, float]:
     """Return how far gaps of the solids that bodies stand for may be above those of the bodies, and below, at most."""
-    # (0.0, 0.0) where they are off by no more than the digits of files, `Tolerances.drawn`
-    bodies = movable, *others
-    if any(own.exact is not None for own in bodies):  # at the points that tell their gaps
+    # gaps of the first one to the others; (0.0, 0.0) where they are off by no more than the digits of files, or bodies
+    # are exact at the points that tell their gaps
+    exact = any(own.exact is not None for own in bodies)
+    if exact or not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in bodies):
         return 0.0, 0.0
-    if not any(max(deviation_of(body)) > DEFAULT.drawn * body.size for body in bodies):
-        return 0.0, 0.0
-    own, *further = [deviation_of(body) for body in (movable, *others)]
+    own, *further = map(deviation_of, bodies)
     return own[0] + max(other[0] for other in further), own[1] + max(other[1] for other in further)
 
 
-def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
+def known_to(bodies: Sequence[Body], unit: str) -> list[str]:
     """Return a sentence on how far gaps may be off those of the solids that bodies stand for, and why."""
     # None where they are not, see `gaps_off`
-    out, short = gaps_off(movable, others)
+    out, short = gaps_off(bodies)
     if not max(out, short) > 0.0:
         return []
     reasons: dict[str, list[str]] = {}
-    for body in (movable, *others):
+    for body in bodies:
         if max(deviation_of(body)) > DEFAULT.drawn * body.size:
             approximated = facet_errors(body) is None and not any(note.startswith(TESSELLATED) for note in body.notes)
             coarse = body.rounding > DEFAULT.drawn * body.size
@@ -489,7 +488,7 @@ def known_to(movable: Body, others: Sequence[Body], unit: str) -> list[str]:
     told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(off, unit, 2)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
     off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"
-    return ["; ".join(filter(None, (off, rounding_line((movable, *others)))))]
+    return ["; ".join(filter(None, (off, rounding_line(bodies))))]
 
 
 def rounding_line(bodies: Sequence[Body]) -> str:

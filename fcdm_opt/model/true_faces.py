@@ -381,7 +381,7 @@ def balanced_on_true_faces(problem: Problem, task: Task, answer: Answer, *, last
 
 def on_true_faces(scene: Scene) -> bool:
     """Tell whether answers are of the faces that facets stand for: of every two parts whose facets are off these."""
-    off = [own for own in scene.relations.values() if gaps_off(own.movable, [own.static]) != (0.0, 0.0)]
+    off = [own for own in scene.relations.values() if gaps_off((own.movable, own.static)) != (0.0, 0.0)]
     return all(
         Exchange.of(touching_again(own) or own) is not None and all(map(all_recognised, (own.movable, own.static)))
         for own in off

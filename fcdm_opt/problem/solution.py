@@ -371,8 +371,7 @@ class Bounded(Plain, NotebookRepr):
         if found and not (self.usable or self.status in IMPOSSIBLE):
             return ""
         if math.isnan(low) and (self.usable or self.status in IMPOSSIBLE):
-            first, *others = self.question.bodies
-            known = not known_to(first, others, unit)
+            known = not known_to(self.question.bodies, unit)
             return "" if known else f"what true parts need is not known: {self._why_unknown or UNLOOKED}"
         if not self.usable:
             needed = f", moved by {measured(low, unit, 4)}" if low > 0.0 else ""

@@ -65,7 +65,7 @@ def _overlaps(assembly: Assembly) -> list[str]:
     for (one, two), made in assembly.relations.items():
         problem = made.changed(made={}) if any((made.made or {}).values()) else made
         bodies = problem.movable, problem.static
-        least = gaps_off(bodies[0], bodies[1:])[0] + problem.contact_slack
+        least = gaps_off(bodies)[0] + problem.contact_slack
         if problem.curve.gap((1.0, 1.0)) < -least and (depth := depth_as_drawn(*bodies, (1.0, 1.0))) > least:
             found.append(f"as drawn, {one} and {two} overlap by {measured(depth, assembly.unit, 4)}")
     return found

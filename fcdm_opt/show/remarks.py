@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.fitting import ACCURACY, NOT_MET, clearance_within
 from fcdm_opt.geometry.bodies import told_solids
-from fcdm_opt.geometry.facet_errors import deviation_of, known_to
+from fcdm_opt.geometry.facet_errors import deviation_of, gaps_off, known_to
 from fcdm_opt.geometry.units import floored, measured, number_text
 from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.fit import FAR
@@ -55,12 +55,12 @@ def remarks(solution: Solution) -> list[str]:
         told.append(f"keep-out {name}: {state}")
     problem = solution.problem
     overlaps = not solution.status.found and solution.pair_gap < 0.0
-    if overlaps and known_gaps(problem):
+    if overlaps and any(gaps_off(problem.bodies)):
         depth = measured(number_text(-solution.pair_gap, 4), unit)
         others = "; what is said of motions is of the true faces" * on_true_faces(problem)
         told.append(f"overlapping by {depth} is of the facets{others}")
     low, high = solution.amount_low, solution.amount_high
-    known = () if solution.exact_of_mesh else known_gaps(problem)
+    known = () if solution.exact_of_mesh else known_to(problem.bodies, problem.unit)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
@@ -74,12 +74,6 @@ def least_at_rest(scene: Scene) -> list[str]:
         return []
     what = 'made "worst" is the least play at rest, sizes without a part in the least gap at that of the next contact'
     return [GoodNews(f"{what}: others may need a larger motion, and a gap be smaller in a chain of parts (see stack)")]
-
-
-def known_gaps(scene: Scene) -> list[str]:
-    """Return how well gaps of a scene's bodies are known, where that is less than the digits of files."""
-    first, *others = scene.bodies
-    return known_to(first, others, scene.unit)
 
 
 def sizes_as_drawn(scene: Scene) -> list[str]:

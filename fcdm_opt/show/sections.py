@@ -107,7 +107,7 @@ class Touching(NamedTuple):
         pieces = solids.common()
         across = solids.deep_in(pieces) + static.seed if pieces else np.zeros((2, 3))
         depth = float(np.linalg.norm(across[1] - across[0]))
-        if not depth > DEFAULT.touch * solids.size + gaps_off(movable, [static])[0]:
+        if not depth > DEFAULT.touch * solids.size + gaps_off((movable, static))[0]:
             return None
         surface = [static.seed + triangle for corners, rows in pieces for triangle in corners[rows]]
         return cls(tuple(surface), (across[1] - across[0]) / depth, across, kind="overlap")

@@ -430,7 +430,7 @@ def _drawn_gaps(movable: Body, static: Body, box: tuple[float, ...]) -> tuple[fl
 
     found = ScaleGaps.of(movable, static, np.eye(4), np.reshape(box, (2, 2)))
     least, most = found.extremes[:2]  # of several parts the largest gap may be within
-    return least.gap, most.gap, found.true is None and gaps_off(movable, [static]) != (0.0, 0.0)
+    return least.gap, most.gap, found.true is None and gaps_off((movable, static)) != (0.0, 0.0)
 
 
 def name_of(problem: Problem, body: int) -> str:

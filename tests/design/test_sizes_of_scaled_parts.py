@@ -3,9 +3,11 @@
 from itertools import product
 from typing import Any
 
+import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.geometry.resizing import at_scale, resized
 from fcdm_opt.show.report.cases import size_rows, stack_report
 
 HOT = 1.004
@@ -131,3 +133,21 @@ def test_parts_of_an_assembly_were_stacked_up_as_drawn() -> None:
     assert [*pose.parameters.values()] == pytest.approx([0.04 - 0.0002, 0.0002], **NEAR)
     (row,) = size_rows(assembly.changed(made={"height": -0.05}))
     assert (row["drawn"], row["made"]) == ("4 to face bottom", "4.029 to face bottom")
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_a_part_scaled_or_moved_is_cut_at_sizes_as_the_one_drawn(turn: bool) -> None:
+    """A bored block made at a size and then scaled, or moved, is the block scaled, or moved, made at that size.
+
+    Scaled, it was cut anew, into parts with other numbers, and the judge refused a contact of one of these.
+    """
+    box, bore = fo.Box((40.0, 30.0, 24.0)), fo.Cylinder(5.0, 30.0, base=(0.0, 0.0, -15.0))
+    block = fo.cut(box, bore, name="block")
+    quarter = [[0.0, -1.0, 0.0, 7.0], [1.0, 0.0, 0.0, 3.0], [0.0, 0.0, 1.0, 2.0], [0.0, 0.0, 0.0, 1.0]]
+    there = block.moved(quarter) if turn else at_scale(block, 1.25)
+    height = fo.Size("height", "movable", faces="+z")
+    made, drawn = resized(there, {height: -0.25}), resized(block, {height: -0.25})
+    truth = drawn.moved(quarter) if turn else drawn.scaled(1.25)
+    assert made.faces == truth.faces
+    for own, true in zip(made.parts, truth.parts, strict=True):
+        np.testing.assert_allclose(own.vertices, true.vertices, rtol=0.0, atol=1e-9)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import pytest
 from scenes import X, Y, Z
+from step_bodies import run
 
 import fcdm_opt as fo
 
@@ -179,3 +182,26 @@ def test_a_key_as_wide_as_its_slot_is_in_its_middle() -> None:
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((6.998, 7.002), abs=1e-9)
     assert [*stack.fits.values()] == [pytest.approx((-0.007, 0.007), abs=1e-12)] * 2  # each side, of both sizes
     assert fo.verify(stack).passed
+
+
+def test_facets_of_bores_that_no_contact_of_the_gap_touches_were_said_to_make_it_uncertain(tmp_path: Path) -> None:
+    """A shim on a bored block on a bored base, a lid .1 above the shim: plane faces, and the gap is exact."""
+    bore, boxes = fo.Cylinder(4.0, 60.0, base=(0.0, 0.0, -30.0)), {"base": (-10, 0), "block": (0, 10), "shim": (10, 11)}
+    for name, (low, high) in {**boxes, "lid": (11.1, 13)}.items():
+        body = fo.Box((20.0, 20.0, high - low), centre=(0.0, 0.0, (low + high) / 2.0))
+        (fo.cut(body, bore) if low < 10 else body).to_file(tmp_path / f"{name}.stl")
+    shift = 'motion = [{ translation = "z" }]'
+    more = {"base": "round = true", "block": f"round = true\n{shift}", "shim": shift, "lid": shift}
+    parts = [f'[[part]]\nname = "{k}"\nfile = "{k}.stl"\nunit = "mm"\n{text}\n' for k, text in more.items()]
+    pairs = ['["block", "base"]', '["shim", "block"]', '["lid", "shim"]\ngoal = "clear"']
+    contacts = [f"[[contact]]\nparts = {pair}\n" for pair in pairs]
+    size = '[[size]]\nname = "thickness"\nbody = "shim"\nfaces = ["+z"]\ntolerance = 0.01\n'
+    path = tmp_path / "pile.toml"
+    path.write_text("".join([*parts, *contacts, size, '[[case]]\nname = "as drawn"\n']))
+    result = run("stack", path, "--json")
+    assert result.exit_code == 0, result.output
+    (case,) = json.loads(result.stdout)["files"][0]["cases"]
+    worst = case["stack"]["worst"]
+    ends = [worst[key] for key in ("least_low", "least", "largest", "largest_high")]
+    assert ends == pytest.approx([0.09, 0.09, 0.11, 0.11], abs=1e-6)  # files have single precision
+    assert "known_to" not in case

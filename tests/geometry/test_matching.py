@@ -257,7 +257,7 @@ def test_single_precision_far_from_the_origin_is_not_called_exact(tmp_path):
     body = read(tmp_path, "box", "stl", points, triangles)
     assert max(body.deviation) >= 0.25
     assert any("vertices are known to" in note for note in body.notes)
-    assert "larger or 1.7 mm smaller: the rounded coordinates of box only" in known_to(body, [body], "mm")[0]
+    assert "larger or 1.7 mm smaller: the rounded coordinates of box only" in known_to((body, body), "mm")[0]
 
 
 @pytest.mark.slow

@@ -329,7 +329,7 @@ def compensation_map(
         seconds=perf_counter() - start,
         stopped=stopped,
         reason=reason,
-        known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies[0], problem.bodies[1:], problem.unit)),
+        known_to=() if on_true_faces(problem) else tuple(known_to(problem.bodies, problem.unit)),
     )
 
 

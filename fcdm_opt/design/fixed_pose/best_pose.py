@@ -511,7 +511,7 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         standing=worst.scene.permanent_in_words,
         too_near_at_rest=tuple(worst.too_near(np.zeros(len(q)))),
         permanent_parts=tuple(worst.scene.permanent),
-        permanent_faces=frozenset() if isinstance(gaps, ContactGaps) and gaps.exact else None,
+        permanent_faces=frozenset() if isinstance(gaps, ContactGaps) and not gaps.of_facets else None,
     )
 
 

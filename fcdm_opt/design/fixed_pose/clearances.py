@@ -259,7 +259,7 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
     whole = replace(first, beside=others)
-    return _Found(transform, least, most, pairs, source, at.gaps(pairs), whole, (), extremes.doubt, scene.exact)
+    return _Found(transform, least, most, pairs, source, at.gaps(pairs), whole, (), extremes.doubt, not scene.of_facets)
 
 
 def _of_sizes(problem: Problem, sizes: Any, box: Any, pose: Any, drawn: Any) -> _Found:

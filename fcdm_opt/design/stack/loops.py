@@ -27,6 +27,7 @@ from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, r
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
+from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.polygons import inside
 from fcdm_opt.geometry.size import Size
@@ -47,14 +48,14 @@ FIT = "fit: "  # before the name of a contact whose gap is the play of a fit
 class Loop:
     """The rows of a gap in all sizes, and what is told of the pair that it is of and of contacts that stay closed.
 
-    `pair` is without what is told of the gap; `exact` tells whether all rows are of true faces, whatever facets stand
-    for them. `weighted` are the motions, by name, that contacts which stay closed leave free together, and that the gap
-    depends on: the least ones are taken, by their weights.
+    `pair` is without what is told of the gap; `of_facets` are the bodies with rows that are not of true faces.
+    `weighted` are the motions, by name, that contacts which stay closed leave free together, and that the gap depends
+    on: the least ones are taken, by their weights.
     """
 
     touching: TouchingSizes
     pair: GapClaims
-    exact: bool
+    of_facets: tuple[Body, ...]
     closed: tuple[GapClaims, ...] = ()
     weighted: tuple[str, ...] = ()
     sizes: tuple[Size, ...] = ()  # of an assembly, by its parts
@@ -91,9 +92,9 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
     gaps = ContactGaps(problem, Sizes(tolerance_boxes(problem.sizes)), [size.name for size in problem.sizes], own=True)
     touching, claims = gaps.touching(gaps.rows([pose]), pose), gaps.claims([pose])
     if len(claims) == 1:
-        return Loop(touching, claims[0], gaps.exact)
+        return Loop(touching, claims[0], gaps.of_facets)
     every = None if claims[0].permanent_faces is None else frozenset[tuple[int, int]]()
-    return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), gaps.exact, tuple(claims))
+    return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), gaps.of_facets, tuple(claims))
 
 
 def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
@@ -165,9 +166,10 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         found, rates, second = _turned(relation, claim, motions, closed_at)
     second += _bent(gaps, motions) if not assembly.shifts else 0.0
     claim = replace(claim, second_order=second)
-    touching = replace(found, sizes=claim.sizes)
+    touching, of_facets = replace(found, sizes=claim.sizes), gaps.of_facets
     if not touching.as_drawn:
         is_exact = any(body.exact is not None for body in touching.bodies)
+        of_facets += () if is_exact else touching.bodies
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
     each = (own for k in range(len(asked)) if k != chosen
@@ -178,7 +180,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     gap_off = np.abs(rates @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(touching, claim, gaps.exact and touching.as_drawn, tuple(still), weighted, assembly.sizes, pair,
+    return Loop(touching, claim, of_facets, tuple(still), weighted, assembly.sizes, pair,
                 chosen >= 0, tuple(own for own in still if own.least != own.largest), second)  # fmt: skip
 
 

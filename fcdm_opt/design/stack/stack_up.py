@@ -25,7 +25,7 @@ from fcdm_opt.design.stack.spread import (
 )
 from fcdm_opt.errors import InputError, expected, known_arguments
 from fcdm_opt.geometry.arrays import Array, numbers
-from fcdm_opt.geometry.bodies import rigid_transform
+from fcdm_opt.geometry.bodies import Body, rigid_transform
 from fcdm_opt.geometry.facet_errors import gaps_off, known_to
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.units import measured, signed
@@ -260,17 +260,20 @@ class StackUp:
         drawn = self.loop is not None and self.loop.pair.permanent_faces is not None
         return drawn or any(body.exact is not None for body in self.touching.bodies)
 
+    @property
+    def _of_facets(self) -> tuple[Body, ...]:
+        return self.touching.bodies if self.loop is None else self.loop.of_facets
+
     @cached_property
     def off(self) -> tuple[float, float]:
         """Lengths by which gaps of the true solids may be above those of their meshes, and below, at most."""
-        exact, second = self.loop is not None and self.loop.exact, 0.0 if self.loop is None else self.loop.second_order
-        out, short = (0.0, 0.0) if exact else gaps_off(self.touching.bodies[0], self.touching.bodies[1:])
+        second, (out, short) = 0.0 if self.loop is None else self.loop.second_order, gaps_off(self._of_facets)
         return out + second, short + second
 
     @property
     def known_to(self) -> list[str]:
         """How near gaps are known in words, with the reason; nothing where they are exact."""
-        found = known_to(self.touching.bodies[0], self.touching.bodies[1:], self.unit) if any(self.off) else []
+        found = known_to(self._of_facets, self.unit)
         if self.loop is not None and self.loop.second_order:
             off = measured(self.loop.second_order, self.unit, 2)
             found.append(f"parts turn, and gaps are of first order in the sizes: up to {off} off at corners of these")
