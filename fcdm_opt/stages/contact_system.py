@@ -21,6 +21,7 @@ import numpy as np
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import NARROWEST, facing, supporting_contact
 from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.measures import norms
@@ -520,7 +521,7 @@ class System:
                 Rows(-rows.normals, self._over(feature, parts, q, shared) - rows.levels)
                 for parts in own for rows in (self._rows(parts, q, EVERY),)
             ] for feature, own in carriers
-        ]  # fmt: skip
+        ] + [[self._facing(seat, q, shared)] for seat in task.seats if seat.whole]  # fmt: skip
         return Choices.of(groups, len(task.weights))
 
     def _turned_onto(self, carriers: Sequence[Parts], q: Array) -> list[Rows]:
@@ -537,6 +538,19 @@ class System:
             found += [Rows(x[:, :-1], (x[:, -1] + x[:, :-1] @ y) / task.size) for x in choices if len(x)]
         rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
+
+    def _facing(self, seat: Flush, q: Array, shared: float) -> Rows:
+        """Return that the hulls of two whole faces meet in their plane, as they do wherever parts of them touch."""
+        from scipy.spatial import ConvexHull
+
+        task, sides = self.task, np.array([m for m, _ in seat.turns])
+        bodies, poses = (task.movable, task.static), (task.transform(q), np.eye(4))
+        placed = [own.placed_vertices(*at) for own, *at in zip(bodies, task.target, poses, strict=True)]
+        elements = seat.touching.one, seat.touching.two
+        X, Y = (x[np.array(own.vertices) - 1] @ sides.T for x, own in zip(placed, elements, strict=True))
+        planes = ConvexHull((Y[:, None] - X).reshape(-1, 2)).equations  # of the shifts after which they do
+        slopes = self._by_z(-planes[:, :2] @ sides @ task.rates(q)[1][:, :3, 3].T)
+        return Rows(slopes, slopes @ (q * task.weights / task.size) + (planes[:, 2] + shared * seat.least) / task.size)
 
     def _over(self, feature: Feature | None, parts: Parts, q: Array, shared: float) -> Array:
         """Return how wide what a part pair shares of flush faces is to be, in sizes, along each of its `_rows`."""

@@ -74,8 +74,8 @@ class Kept(NamedTuple):
 def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0) -> Kept:
     """Return the largest clearance that a motion leaves where none leaves that asked for, of fewest digits.
 
-    By bisection, about a guess, as far as there is time. Of an assembly that of the contact with a name in
-    `constraints`. As with `fits_up_to` one crossing is taken for granted.
+    By bisection, about a guess, or what the first motion found leaves, as far as there is time. Of an assembly that of
+    the contact with a name in `constraints`. As with `fits_up_to` one crossing is taken for granted.
     """
     own, answers = next(one for one in constraints(scene) if one.name == name), dict[bool, Any]()
     ends = {True: 0.0, False: own.value}  # that is kept, and that is not
@@ -83,9 +83,14 @@ def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0)
     def is_kept(need: float) -> bool:
         answer = solve(own.changed(scene, own.value - need), effort="quick")
         ends[answer.usable], answers[answer.usable] = need, answer
+        if answer.usable:
+            left = own.value - own.excess(answer, answer.certificate)
+            ends[True] = max(need, min(shortest(left, ACCURACY * need), left))
         return bool(answer.usable)
 
     with suppress(pacing.TimeOverError):
+        if not guess and is_kept(ACCURACY * own.value):
+            guess = ends[True]
         for need in (shortest(guess, ACCURACY * guess), guess * (1.0 + ACCURACY)):
             if ends[True] < need < ends[False]:
                 is_kept(need)
