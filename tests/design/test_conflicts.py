@@ -624,7 +624,7 @@ def test_a_clearance_that_fixed_heights_leave_is_found_from_the_first_motion(pai
     assert kept.is_largest
     assert len(asked) <= 4  # halving takes some fifteen
     found = conflicts(scene, deviation=False)
-    assert {own.by for own in found.relaxations if own.unit} == {pytest.approx(0.018, rel=1e-6)}
+    assert [own.by for own in found.relaxations if own.unit] == [pytest.approx(0.018, rel=1e-4)]
 
 
 def test_pairs_that_clash_are_told_with_both_of_them_and_cures_apart_from_what_cures_nothing():

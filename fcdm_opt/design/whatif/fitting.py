@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -38,6 +39,7 @@ LEVER = 0.25  # share of the largest change of a width by a size from which on a
 NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see what it does to widths
 MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
+_left_to_advise = WeakKeyDictionary[Bounded, float]()  # seconds, of answers that were advised about
 
 
 def narrowed(
@@ -105,14 +107,13 @@ def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0)
 @contextmanager
 def advising(solution: Bounded) -> Iterator[None]:
     """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
-    start, rest = pacing.clock(), vars(solution).get("advice_time", math.nan)
-    if math.isnan(rest):
-        rest = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
+    usual = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
+    start, rest = pacing.clock(), _left_to_advise.get(solution, usual)
     try:
         with pacing.within(max(rest, NO_TIME), share=1.0):
             yield
     finally:
-        vars(solution)["advice_time"] = rest - (pacing.clock() - start)
+        _left_to_advise[solution] = rest - (pacing.clock() - start)
 
 
 @lru_cache(maxsize=16)
@@ -254,13 +255,21 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
     drawn.
     """
     made = {own.name: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes}
-    names, found = sorted(made, key=lambda name: not made[name]), dict[str, float]()
+    names = sorted(made, key=lambda name: (not beyond_tolerance(problem, name, made[name]), not made[name]))
+    found = dict[str, float]()
+
+    def helps(name: str, value: float) -> bool:
+        beyond = beyond_tolerance(problem, name, value)
+        return beyond <= 0.0 or beyond < beyond_tolerance(problem, name, made[name])
+
     if wanting := lack(problem):
         off = {name: math.copysign(NUDGE * problem.size, -made[name]) for name in names}
         rates = {name: (_lack_at(problem, name, made[name] + off[name]) - wanting) / off[name] for name in names}
         most = max((abs(rate) for rate in rates.values() if not math.isnan(rate)), default=0.0)
         known = {name: _unlacking(problem, name, rate) for name, rate in rates.items() if abs(rate) > LEVER * most}
-        found = {name: _rounded_fit(problem, name, value) for name, value in known.items()}
+        for some in ({name for name in known if helps(name, known[name])}, {*known}):  # else whatever does
+            if not any(map(math.isfinite, found.values())):
+                found |= {name: _rounded_fit(problem, name, known[name]) for name in names if name in some - {*found}}
     open_ones = [name for name in found or names if made[name] and math.isnan(found.get(name, math.nan))]
     if found and has_round_faces(problem):  # each question takes a good part of a second, and there are some twenty
         open_ones = []
@@ -270,11 +279,6 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
             fit = _rounded_fit(problem, name, share * made[name])
             found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
-
-    def helps(name: str, value: float) -> bool:
-        beyond = beyond_tolerance(problem, name, value)
-        return beyond <= 0.0 or beyond < beyond_tolerance(problem, name, made[name])
-
     return {name: x for name, x in found.items() if helps(name, x)} or found
 
 
