@@ -385,9 +385,7 @@ def _changes(problem: Problem) -> list[str]:
             f"{name} (to {sizes[name].deviation_text(value, problem.unit)}{beyond})" if math.isfinite(value) else name
         )
 
-    sizes_found = mending_sizes(problem)
-    changed = listed([in_words(*own) for own in sizes_found.items()], "or")
-    changed += ", and others with it: none does alone" * all(map(math.isnan, sizes_found.values())) * bool(changed)
+    changed = listed([in_words(*own) for own in mending_sizes(problem).items()], "or")
     if combined := [in_words(*own) for own in mending_combination(problem).items()]:
         changed += f", or, within their tolerances, {listed(combined)} together"
     return [f"widen {listed(wider)}"] * bool(wider) + [f"change {changed}"] * bool(changed)

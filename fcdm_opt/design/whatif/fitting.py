@@ -260,13 +260,14 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
 
     def helps(name: str, value: float) -> bool:
         beyond = beyond_tolerance(problem, name, value)
-        return beyond <= 0.0 or beyond < beyond_tolerance(problem, name, made[name])
+        return beyond <= ACCURACY * abs(value) or beyond < beyond_tolerance(problem, name, made[name])
 
     if wanting := lack(problem):
         off = {name: math.copysign(NUDGE * problem.size, -made[name]) for name in names}
         rates = {name: (_lack_at(problem, name, made[name] + off[name]) - wanting) / off[name] for name in names}
         most = max((abs(rate) for rate in rates.values() if not math.isnan(rate)), default=0.0)
         known = {name: _unlacking(problem, name, rate) for name, rate in rates.items() if abs(rate) > LEVER * most}
+        known = {name: value for name, value in known.items() if not math.isinf(value)}
         for some in ({name for name in known if helps(name, known[name])}, {*known}):  # else whatever does
             if not any(map(math.isfinite, found.values())):
                 found |= {name: _rounded_fit(problem, name, known[name]) for name in names if name in some - {*found}}
@@ -326,15 +327,18 @@ def _lack_at(problem: Problem, name: str, value: float) -> float:
 
 
 def _unlacking(problem: Problem, name: str, rate: float) -> float:
-    """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end."""
+    """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end.
+
+    Infinite where others lack, whatever it is.
+    """
     value, wanting = (problem.made or {}).get(name, 0.0), lack(problem)
     for _ in range(MOST_SECANTS):
         last, value = value, value - wanting / rate
         lacking = _lack_at(problem, name, value)
         if not lacking > 0.0:
             return value + 0.0 * lacking
-        if lacking == wanting:
-            break
+        if abs(lacking - wanting) <= ACCURACY * wanting:
+            return math.inf
         rate, wanting = (lacking - wanting) / (value - last), lacking
     return math.nan
 
