@@ -543,12 +543,10 @@ class System:
         """Return that the hulls of two whole faces meet in their plane, as they do wherever parts of them touch."""
         from scipy.spatial import ConvexHull
 
-        task, sides = self.task, np.array([m for m, _ in seat.turns])
-        bodies, poses = (task.movable, task.static), (task.transform(q), np.eye(4))
-        placed = [own.placed_vertices(*at) for own, *at in zip(bodies, task.target, poses, strict=True)]
-        elements = seat.touching.one, seat.touching.two
-        X, Y = (x[np.array(own.vertices) - 1] @ sides.T for x, own in zip(placed, elements, strict=True))
-        planes = ConvexHull((Y[:, None] - X).reshape(-1, 2)).equations  # of the shifts after which they do
+        task, sides, elements = self.task, np.array([m for m, _ in seat.turns]), seat.touching
+        X = task.movable.placed_vertices(task.target[0], task.transform(q))[np.array(elements.one.vertices) - 1]
+        Y = task.static.placed_vertices(task.target[1], np.eye(4))[np.array(elements.two.vertices) - 1]
+        planes = ConvexHull((Y[:, None] - X).reshape(-1, 3) @ sides.T).equations  # of the shifts after which they do
         slopes = self._by_z(-planes[:, :2] @ sides @ task.rates(q)[1][:, :3, 3].T)
         return Rows(slopes, slopes @ (q * task.weights / task.size) + (planes[:, 2] + shared * seat.least) / task.size)
 

@@ -83,24 +83,22 @@ def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0)
     ends = {True: 0.0, False: own.value}  # that is kept, and that is not
 
     def is_kept(need: float) -> bool:
+        if not ends[True] < need < ends[False]:
+            return need <= ends[True]
         answer = solve(own.changed(scene, own.value - need), effort="quick")
         ends[answer.usable], answers[answer.usable] = need, answer
         if answer.usable:
-            left = own.value - own.excess(answer, answer.certificate)
-            ends[True] = max(need, min(shortest(left, ACCURACY * need), left))
+            found = own.value - own.excess(answer, answer.certificate)
+            ends[True] = max(need, min(shortest(found, ACCURACY * need), found))
         return bool(answer.usable)
 
     with suppress(pacing.TimeOverError):
-        if not guess and is_kept(ACCURACY * own.value):
-            guess = ends[True]
-        for need in (shortest(guess, ACCURACY * guess), guess * (1.0 + ACCURACY)):
-            if ends[True] < need < ends[False]:
-                is_kept(need)
-        if ends[True] or is_kept(ACCURACY * own.value):
+        for need in (shortest(guess, ACCURACY * guess), ACCURACY * own.value):
+            is_kept(need)
+        is_kept(ends[True] * (1.0 + ACCURACY))
+        if ends[True]:
             largest_share(is_kept, ends[True], ends[False], accuracy=ACCURACY)
-            need = shortest((ends[False] + ends[True]) / 2.0, (ends[False] - ends[True]) / 2.0)
-            if ends[True] < need < ends[False]:
-                is_kept(need)
+            is_kept(shortest((ends[False] + ends[True]) / 2.0, (ends[False] - ends[True]) / 2.0))
     return Kept(ends[True], ends[False] - ends[True] <= ACCURACY * ends[False], answers.get(True))
 
 
@@ -327,10 +325,8 @@ def _lack_at(problem: Problem, name: str, value: float) -> float:
 
 
 def _unlacking(problem: Problem, name: str, rate: float) -> float:
-    """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end.
-
-    Infinite where others lack, whatever it is.
-    """
+    """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end."""
+    # infinite where others lack, whatever it is
     value, wanting = (problem.made or {}).get(name, 0.0), lack(problem)
     for _ in range(MOST_SECANTS):
         last, value = value, value - wanting / rate
