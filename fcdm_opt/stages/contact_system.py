@@ -521,7 +521,7 @@ class System:
                 Rows(-rows.normals, self._over(feature, parts, q, shared) - rows.levels)
                 for parts in own for rows in (self._rows(parts, q, EVERY),)
             ] for feature, own in carriers
-        ] + [[self._facing(seat, q, shared)] for seat in task.seats if seat.whole]  # fmt: skip
+        ] + [[self._facing(own, q, shared)] for own in task.seats if own.whole]  # fmt: skip
         return Choices.of(groups, len(task.weights))
 
     def _turned_onto(self, carriers: Sequence[Parts], q: Array) -> list[Rows]:
@@ -539,16 +539,16 @@ class System:
         rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
-    def _facing(self, seat: Flush, q: Array, shared: float) -> Rows:
+    def _facing(self, flush: Flush, q: Array, shared: float) -> Rows:
         """Return that the hulls of two whole faces meet in their plane, as they do wherever parts of them touch."""
         from scipy.spatial import ConvexHull
 
-        task, sides, elements = self.task, np.array([m for m, _ in seat.turns]), seat.touching
+        task, sides, elements = self.task, np.array([m for m, _ in flush.turns]), flush.touching
         X = task.movable.placed_vertices(task.target[0], task.transform(q))[np.array(elements.one.vertices) - 1]
         Y = task.static.placed_vertices(task.target[1], np.eye(4))[np.array(elements.two.vertices) - 1]
         planes = ConvexHull((Y[:, None] - X).reshape(-1, 3) @ sides.T).equations  # of the shifts after which they do
         slopes = self._by_z(-planes[:, :2] @ sides @ task.rates(q)[1][:, :3, 3].T)
-        return Rows(slopes, slopes @ (q * task.weights / task.size) + (planes[:, 2] + shared * seat.least) / task.size)
+        return Rows(slopes, slopes @ (q * task.weights / task.size) + (planes[:, 2] + shared * flush.least) / task.size)
 
     def _over(self, feature: Feature | None, parts: Parts, q: Array, shared: float) -> Array:
         """Return how wide what a part pair shares of flush faces is to be, in sizes, along each of its `_rows`."""

@@ -95,9 +95,9 @@ class Conflicts(Plain):
         lines += [f"try {trial}" for trial in self.trials]
         for own in (own for own in self.relaxations if not own.cures):
             useless.setdefault(own.note, []).append(str(own))
-        for note, each in useless.items():
-            none = f"none of {len(each)}{' other' * bool(cures)} constraints cures it" + f" ({note})" * bool(note)
-            lines += [f"to relax alone: {own}" for own in ([none] if len(each) >= MANY else each)]
+        for note, alike in useless.items():
+            none = f"none of {len(alike)}{' other' * bool(cures)} constraints cures it" + f" ({note})" * bool(note)
+            lines += [f"to relax alone: {own}" for own in ([none] if len(alike) >= MANY else alike)]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
     def to_dict(self) -> dict[str, Any]:

@@ -39,7 +39,7 @@ LEVER = 0.25  # share of the largest change of a width by a size from which on a
 NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see what it does to widths
 MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
-_left_to_advise = WeakKeyDictionary[Bounded, float]()  # seconds, of answers that were advised about
+_advice_seconds = WeakKeyDictionary[Bounded, float]()  # seconds, of answers that were advised about
 
 
 def narrowed(
@@ -106,12 +106,12 @@ def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0)
 def advising(solution: Bounded) -> Iterator[None]:
     """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
     usual = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
-    start, rest = pacing.clock(), _left_to_advise.get(solution, usual)
+    start, rest = pacing.clock(), _advice_seconds.get(solution, usual)
     try:
         with pacing.within(max(rest, NO_TIME), share=1.0):
             yield
     finally:
-        _left_to_advise[solution] = rest - (pacing.clock() - start)
+        _advice_seconds[solution] = rest - (pacing.clock() - start)
 
 
 @lru_cache(maxsize=16)
