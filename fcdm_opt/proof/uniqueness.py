@@ -150,12 +150,12 @@ def none_shorter(problems: Problems, least: float) -> bool:
         alternatives += [[own for own, _ in met.values()]] if "touch" in (problem.goal, problem.pair) and every else []
         for joint in problem.chosen_joints if problem.goal != FIT and every else ():  # a pair that carries it touches
             flush = next((own for own in problem.nominal_seats if own.touching == joint.feature), None)
-            if flush is not None and flush.dimension == 2 and len(joint.carriers) == 1:
-                rows, normals = met[joint.carriers[0]]
-                wide = NARROWEST * flush.least * np.linalg.norm(np.cross(normals, flush.normal), axis=1)
-                held.append(rows + np.outer(wide, np.append(rest, 1.0 / least)))
-            else:
-                alternatives.append([met[own][0] for own in joint.carriers])
+            each = [met[own][0] for own in joint.carriers]
+            if flush is not None and flush.dimension == 2:
+                across = (np.cross(met[own][1], flush.normal) for own in joint.carriers)
+                wide = [NARROWEST * flush.least * np.linalg.norm(own, axis=1) for own in across]
+                each = [x + np.outer(w, np.append(rest, 1.0 / least)) for x, w in zip(each, wide, strict=True)]
+            alternatives.append(each)
     rows, looked_at = np.vstack(held) - room, 0
     nodes = [rows[np.isfinite(rows[:, -1])]]
     while nodes and looked_at < MOST_BRANCHES:

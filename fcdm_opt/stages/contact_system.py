@@ -20,6 +20,8 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.curve.contact import NARROWEST, facing, supporting_contact
+from fcdm_opt.curve.features import Feature
+from fcdm_opt.curve.flush import Flush
 from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.facet_errors import is_plane_there
 from fcdm_opt.geometry.measures import norms
@@ -509,17 +511,17 @@ class System:
         touch, any may that is touched `sooner` than by z of a length.
         """
         task = self.task
-        carriers: list[Any] = [joint.carriers for joint in task.joints]
+        carriers: list[tuple[Feature | None, Any]] = [(joint.feature, joint.carriers) for joint in task.joints]
         if self.touching:
-            carriers = [[parts for _, parts in self.touching[: self.sooner(length)]]]
+            carriers = [(None, [parts for _, parts in self.touching[: self.sooner(length)]])]
         if not task.motion.shifts:
-            return Choices.of([self._turned_onto(own, q) for own in carriers], len(task.weights))
+            return Choices.of([self._turned_onto(own, q) for _, own in carriers], len(task.weights))
         groups = [
             [
-                Rows(-rows.normals, self._over(parts, q, shared) - rows.levels)
+                Rows(-rows.normals, self._over(feature, parts, q, shared) - rows.levels)
                 for parts in own for rows in (self._rows(parts, q, EVERY),)
-            ] for own in carriers
-        ]  # fmt: skip
+            ] for feature, own in carriers
+        ] + [[self._facing(own, q, shared)] for own in task.seats if own.whole]  # fmt: skip
         return Choices.of(groups, len(task.weights))
 
     def _turned_onto(self, carriers: Sequence[Parts], q: Array) -> list[Rows]:
@@ -537,13 +539,24 @@ class System:
         rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
-    def _over(self, parts: Parts, q: Array, shared: float) -> Array:
-        """Return how wide what flush faces of a part pair share is to be, in sizes, along each of its `_rows`."""
+    def _facing(self, flush: Flush, q: Array, shared: float) -> Rows:
+        """Return that the hulls of two whole faces meet in their plane, as they do wherever parts of them touch."""
+        from scipy.spatial import ConvexHull
+
+        task, sides, elements = self.task, np.array([m for m, _ in flush.turns]), flush.touching
+        X = task.movable.placed_vertices(task.target[0], task.transform(q))[np.array(elements.one.vertices) - 1]
+        Y = task.static.placed_vertices(task.target[1], np.eye(4))[np.array(elements.two.vertices) - 1]
+        planes = ConvexHull((Y[:, None] - X).reshape(-1, 3) @ sides.T).equations  # of the shifts after which they do
+        slopes = self._by_z(-planes[:, :2] @ sides @ task.rates(q)[1][:, :3, 3].T)
+        return Rows(slopes, slopes @ (q * task.weights / task.size) + (planes[:, 2] + shared * flush.least) / task.size)
+
+    def _over(self, feature: Feature | None, parts: Parts, q: Array, shared: float) -> Array:
+        """Return how wide what a part pair shares of flush faces is to be, in sizes, along each of its `_rows`."""
         # an edge may lie on the border of a face
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
         for seat in self.task.seats:
-            if seat.parts == parts and (seat.dimension > 1 or shared > NARROWEST):
+            if seat.touching == feature and (seat.dimension > 1 or shared > NARROWEST):
                 across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
                 width = shared * seat.least / self.task.size
                 over = np.where(across > DEFAULT.sharp, np.maximum(over, across * width), over)

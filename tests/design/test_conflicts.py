@@ -20,7 +20,7 @@ from fcdm_opt import pacing
 from fcdm_opt.design.whatif import fitting
 from fcdm_opt.design.whatif.conflicts import MANY, Conflicts, conflicts
 from fcdm_opt.design.whatif.constraints import Constraint, constraints, excesses, without
-from fcdm_opt.design.whatif.search import ClashSearch, LeastRelaxation, Trial
+from fcdm_opt.design.whatif.search import Clash, ClashSearch, LeastRelaxation, Trial
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.size import Size
@@ -609,6 +609,36 @@ def test_a_clash_of_an_assembly_was_told_of_sizes_that_do_not_make_it_alone():
     found = str(conflicts(fo.Assembly(parts, pairs, **asked), deviation=False))
     words = "no motion keeps contact block - base without parts that overlap, at the sizes made of tall, low (proved)"
     assert words in found
+
+
+@pytest.mark.parametrize("pair", [("block", "cap"), ("cap", "block")])
+def test_a_clearance_that_fixed_heights_leave_is_found_from_the_first_motion(pair, monkeypatch):
+    """A block of 4 that stays on its base, below a cap at 4.002: a gap of .002 and no other, where .02 is asked for."""
+    boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 4), 2), "cap": ((10, 10, 2), 5.002)}
+    parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
+    pairs = [("block", "base"), {"parts": pair, "goal": "clear", "clearance": 0.02}]
+    scene, asked = fo.Assembly(parts, pairs, motions={"block": Z}), list[Any]()
+    monkeypatch.setattr(fitting, "solve", lambda *own, **more: asked.append(own) or solve(*own, **more))
+    kept = fitting.largest_clearance(scene, f"contact {pair[0]} - {pair[1]}")
+    assert kept.clearance == pytest.approx(0.002, rel=1e-6)
+    assert kept.is_largest
+    assert len(asked) <= 4  # halving takes some fifteen
+    found = conflicts(scene, deviation=False)
+    assert [own.by for own in found.relaxations if own.unit] == [pytest.approx(0.018, rel=1e-4)]
+
+
+def test_pairs_that_clash_are_told_with_both_of_them_and_cures_apart_from_what_cures_nothing():
+    names = [("upper limit of TX", f"contact {k}, face on face") for k in "ABC"]
+    clashes = [Clash(names=own, proved=True, status=Status.INFEASIBLE) for own in names]
+    relaxed = [LeastRelaxation(name="upper limit of TX", cures=True, by=0.08, value=0.28, unit="length")]
+    relaxed += [LeastRelaxation(name=own, cures=False) for _, own in names]
+    problem = Problem(box((0, 0, 0), (1, 1, 1), "a"), box((2, 0, 0), (3, 1, 1), "b"), target=(1, 1), motion=X)
+    told = Conflicts(problem=problem, constraints=(), clashes=tuple(clashes), complete=True,
+                     relaxations=tuple(relaxed), solves=0, seconds=0.0)  # fmt: skip
+    first, *others = str(told).splitlines()
+    pairs = ", nor ".join(f"upper limit of TX and contact {k}{' together' * (k == 'A')}" for k in "ABC")
+    assert first == f"no motion keeps {pairs} (proved)"
+    assert others[-1] == "to relax alone: none of 3 other constraints cures it"
 
 
 def test_a_relaxation_went_through_a_bar_without_a_word():

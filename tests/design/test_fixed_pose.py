@@ -770,3 +770,12 @@ def test_a_cap_flush_on_the_base_of_a_round_stud_was_judged_by_that_contact(axes
     found = clearances(by_scales, box=((0.99, 1.01), (0.99, 1.01)))
     assert fo.verify(found).passed
     assert [found.least.gap, found.most.gap] == pytest.approx([0.1 - 0.061, 0.1 + 0.061], abs=1e-9)
+
+
+def test_an_amount_of_zero_needs_no_bound() -> None:
+    """Boxes .9 to 1.1 apart at rest: no amount is less than 0."""
+    one, other = fo.Box((2, 2, 2), name="one"), fo.Box((2, 2, 2), centre=(3, 0, 0), name="other")
+    sizes = [fo.Size("w", "movable", faces="+x", tolerance=0.1)]
+    asked = fo.Problem(one, other, target=(1, 1), goal="clear", motion=fo.Translation("x"), sizes=sizes)
+    found = fo.best_pose(asked, clearance=(0.5, 2.0))
+    assert "amount 0 (none can be better)" in str(replace(found, certified=False, lower_bound=0.0))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fcdm_opt as fo
+from fcdm_opt.design.whatif import fitting
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.assemblies import unsaid
 from fcdm_opt.show.remarks import left_out, remarks
@@ -126,6 +127,28 @@ def test_the_least_play_at_rest_stood_as_the_worst_case() -> None:
     ):
         assert sum("is the least play at rest" in text and "see stack" in text for text in worst) == 1
         assert not any("at rest" in text for text in loose)
+
+
+def test_a_size_with_which_another_width_still_lacks_is_not_advised():
+    """10.05 by 10.03 in a window of 10: with its length as drawn, it is too wide by .03 all the same."""
+    window = fo.cut(fo.Box((30, 30, 4)), fo.Box((10, 10, 6)), name="window")
+    sizes = [fo.Size(f"along {axis}", "movable", faces=[f"+{axis}", f"-{axis}"], each=0.5) for axis in "xy"]
+    shifts = fo.Translation("x") >> fo.Translation("y")
+    problem = fo.Problem(fo.Box((10, 10, 4), name="insert"), window, sizes=sizes, goal="clear", motion=shifts,
+                         made={"along x": 0.05, "along y": 0.03}, unit="mm")  # fmt: skip
+    assert fitting.mending_sizes(problem) == {}
+    assert "along" not in advised(SolvedCase(fo.solve(problem)))
+    assert fitting.mending_sizes(problem.with_sizes({"along y": 0.0})) == {"along x": 0.0}
+
+
+def test_the_size_that_is_beyond_its_tolerance_is_advised_first_and_no_other_is_asked_about_in_vain(monkeypatch):
+    """A slot 10 wide, and a key of 10.08 within -.1, .05; or the slot made wider, within .1."""
+    slot = fo.cut(fo.Box((30, 30, 4)), fo.Box((10, 30, 6)), name="slot")
+    sizes = [fo.Size("slot", "static", faces=[{"through": (5, 0, 0)}], each=-1, tolerance=0.1),
+             fo.Size("key", "movable", faces=["+x"], tolerance=(-0.1, 0.05))]  # fmt: skip
+    problem = fo.Problem(fo.Box((10, 10, 4), name="key"), slot, sizes=sizes, goal="clear", motion=fo.Translation("x"),
+                         made={"key": 0.08}, unit="mm")  # fmt: skip
+    assert [*fitting.mending_sizes(problem)] == ["key", "slot"]
 
 
 def test_a_distance_of_pins_that_only_a_turn_or_the_size_beside_it_mends_was_answered_by_the_spacing() -> None:

@@ -991,3 +991,33 @@ def test_a_face_is_brought_back_onto_what_it_stands_on(motion):
 
 def test_limits_short_of_it_are_proved_to_allow_none():
     assert face_off_its_pad(motion=SHIFTS, limits={"TX": (-0.4, 2.0)}).status is Status.INFEASIBLE
+
+
+def slabs(cuts: int, length: float, start: float = 0.0) -> list[Any]:
+    """A block along x, cut across."""
+    step = length / cuts
+    return [
+        fo.Box((step, length, 4), centre=(start + (k + 0.5) * step, start + length / 2, 2)).vertices
+        for k in range(cuts)
+    ]
+
+
+@pytest.mark.parametrize("cuts", [1, 2])
+def test_a_face_of_several_parts_is_not_met_at_its_border(cuts: int):
+    # off the lid is off the floor: a border that both share is no contact of faces, of whichever part it is
+    block = fo.Body.from_parts(slabs(cuts, 4.0, 3.0), seed=(5, 5, 0), name="block")
+    floor = fo.Box((10, 10, 4), centre=(5, 5, -2), name="floor")
+    lid = fo.Box((10, 10, 2), centre=(5, 5, 4.9), name="lid")  # .1 too low
+    asked = {"target": (1, 1), "goal": "seat", "contacts": "all", "motion": SHIFTS, "keep_out": [lid]}
+    found = fo.solve(fo.Problem(block, floor, **asked))
+    assert found.status is Status.INFEASIBLE
+    assert found.lower_bound == math.inf
+
+
+@pytest.mark.parametrize("cuts", [1, 2])
+def test_what_faces_of_several_parts_share_is_proved(cuts: int):
+    pad = fo.Box((1, 1.5, 4), centre=(1, 1.25, -2), name="pad")
+    movable = fo.Body.from_parts(slabs(cuts, 6.0), seed=(4, 4.5, 0), name="block")
+    found = fo.solve(fo.Problem(movable, pad, target=(0.5, 1.0), goal="seat", contacts="all", motion=SHIFTS))
+    assert found.lower_bound == pytest.approx(math.hypot(0.5, 0.25), rel=1e-9)
+    assert fo.verify(found, proof=True).passed

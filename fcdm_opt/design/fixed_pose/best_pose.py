@@ -230,7 +230,8 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         of_shifts = self.problem is not None and self.problem.shifts and not (self.contacts or self.on_true_faces)
         open_ended = (self.status == UNDECIDED or of_shifts) and not np.isfinite(limits).all()
         unproved = "no bound proved" + ": that takes limits" * open_ended
-        known = bound if self.lower_bound > 0.0 else "none can be better" if self.certified else unproved
+        least_known = self.certified or self.value == 0.0
+        known = bound if self.lower_bound > 0.0 else "none can be better" if least_known else unproved
         slack = self.problem.contact_slack if self.problem is not None else 0.0
         least, most = (gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap))
         ends = gaps_text(least, most, self.unit)

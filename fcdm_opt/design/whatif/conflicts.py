@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -23,7 +23,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.solution import Bounded, Status
 
-KEEPS = "no motion keeps "
+KEEPS, UNMET = "no motion keeps ", "the motion alone cannot meet the goal"
 MANY = 3  # constraints of which the same is said in one line
 
 
@@ -57,12 +57,8 @@ class Conflicts(Plain):
 
     def __str__(self) -> str:
         lines = [self.reason] if self.reason else []
-        clashing, useless = dict[str, list[str]](), dict[str, list[str]]()  # what is said of many -> of which
+        clashing, useless = dict[str, list[Clash]](), dict[str, list[str]]()  # what is said of many -> of which
         for clash in self.clashes:
-            what = "the motion alone cannot meet the goal"
-            if clash.names:
-                *others, last = clash.names
-                what = f"{KEEPS}{', '.join(others)} and {last} together" if others else f"{KEEPS}{last}"
             outside = clash.status is Status.OUTSIDE_FIT
             found = "none stays in the fit" if outside else clash.status.words
             some = len(clash.sizes) < sum(map(bool, (self.problem.made or {}).values()))
@@ -71,11 +67,17 @@ class Conflicts(Plain):
             tail += f", at the sizes made{of}" * bool(clash.sizes)
             tail += f" ({'proved' if clash.proved else found})"
             tail += f"; one does with {' or '.join(clash.sizes)} as drawn" * (some and bool(clash.sizes))
-            clashing.setdefault(": ".join(filter(None, (tail, clash.reason))), []).append(what)
+            clashing.setdefault(": ".join(filter(None, (tail, clash.reason))), []).append(clash)
         for tail, each in clashing.items():
-            names = ", ".join(what.removeprefix(KEEPS).partition(", ")[0] for what in each)
-            one = all(what.startswith(KEEPS) for what in each) and len(each) >= MANY
-            lines += [f"{what}{tail}" for what in ([f"{KEEPS}any one of {names}"] if one else each)]
+            several, names = len(each) >= MANY, [own.names for own in each]
+            short = [_listed([name.partition(", ")[0] for name in own]) for own in names]
+            if several and all(len(own) == 1 for own in names):
+                lines.append(f"{KEEPS}any one of {', '.join(short)}{tail}")
+            elif several and all(len(own) > 1 for own in names):
+                lines.append(f"{KEEPS}{short[0]} together, nor {', nor '.join(short[1:])}{tail}")
+            else:
+                whole = [f"{KEEPS}{_listed(own)}" if own else UNMET for own in names]
+                lines += [f"{x}{' together' * (len(own) > 1)}{tail}" for x, own in zip(whole, names, strict=True)]
         if not self.complete:
             lines.append("there may be others that clash, as few or fewer")
         cures = sorted((one for one in self.relaxations if one.cures), key=lambda one: one.amount)
@@ -93,14 +95,18 @@ class Conflicts(Plain):
         lines += [f"try {trial}" for trial in self.trials]
         for own in (own for own in self.relaxations if not own.cures):
             useless.setdefault(own.note, []).append(str(own))
-        for note, each in useless.items():
-            none = f"none of {len(each)} constraints cures it" + f" ({note})" * bool(note)
-            lines += [f"to relax alone: {own}" for own in ([none] if len(each) >= MANY else each)]
+        for note, alike in useless.items():
+            none = f"none of {len(alike)}{' other' * bool(cures)} constraints cures it" + f" ({note})" * bool(note)
+            lines += [f"to relax alone: {own}" for own in ([none] if len(alike) >= MANY else alike)]
         return "\n".join([*lines, *[f"not looked at to the end: {self.stopped}"] * bool(self.stopped)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data; nan becomes None and infinity "inf"; constraints are told by their names."""
         return {**super().to_dict(), "constraints": [one.name for one in self.constraints]}
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 @known_arguments

@@ -167,7 +167,8 @@ def _meeting(assembly: Assembly, pair: JoinedPair) -> Constraint:
         return whole
 
     def excess(_: AssemblySolution, certificate: Certificate) -> float:
-        return value - next((own.value for own in certificate.checks if own.name == kept_apart(*pair[:2])), -math.inf)
+        known = kept_apart(pair.one, pair.two), kept_apart(pair.two, pair.one)
+        return value - next((own.value for own in certificate.checks if own.name in known), -math.inf)
 
     slack = assembly.contact_slack
     return replace(whole, excess=excess, value=value, unit="length", most=value, outward=-1.0, slack=slack)

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -39,6 +40,7 @@ NUDGE = 1e-6  # of the size of the parts: by how much a size is changed to see w
 MOST_SECANTS = 8  # widths are linear in sizes but for corners that turn, and where others come to lack more
 NOT_MET = "clearance not met"  # of parts that fit without one
 UNKNOWN = "a smaller tolerance may ask for more than a larger one"
+_advice_seconds = WeakKeyDictionary[Bounded, float]()  # seconds, of answers that were advised about
 
 
 def narrowed(
@@ -75,40 +77,42 @@ class Kept(NamedTuple):
 def largest_clearance(scene: Scene, name: str = "clearance", guess: float = 0.0) -> Kept:
     """Return the largest clearance that a motion leaves where none leaves that asked for, of fewest digits.
 
-    By bisection, about a guess, as far as there is time. Of an assembly that of the contact with a name in
-    `constraints`. As with `fits_up_to` one crossing is taken for granted.
+    By bisection, about a guess, or what the first motion found leaves, as far as there is time. Of an assembly that of
+    the contact with a name in `constraints`. As with `fits_up_to` one crossing is taken for granted.
     """
     own, answers = next(one for one in constraints(scene) if one.name == name), dict[bool, Any]()
     ends = {True: 0.0, False: own.value}  # that is kept, and that is not
 
     def is_kept(need: float) -> bool:
+        if not ends[True] < need < ends[False]:
+            return need <= ends[True]
         answer = solve(own.changed(scene, own.value - need), effort="quick")
         ends[answer.usable], answers[answer.usable] = need, answer
+        if answer.usable:
+            found = own.value - own.excess(answer, answer.certificate)
+            ends[True] = max(need, min(shortest(found, ACCURACY * need), found))
         return bool(answer.usable)
 
     with suppress(pacing.TimeOverError):
-        for need in (shortest(guess, ACCURACY * guess), guess * (1.0 + ACCURACY)):
-            if ends[True] < need < ends[False]:
-                is_kept(need)
-        if ends[True] or is_kept(ACCURACY * own.value):
+        for need in (shortest(guess, ACCURACY * guess), ACCURACY * own.value):
+            is_kept(need)
+        is_kept(ends[True] * (1.0 + ACCURACY))
+        if ends[True]:
             largest_share(is_kept, ends[True], ends[False], accuracy=ACCURACY)
-            need = shortest((ends[False] + ends[True]) / 2.0, (ends[False] - ends[True]) / 2.0)
-            if ends[True] < need < ends[False]:
-                is_kept(need)
+            is_kept(shortest((ends[False] + ends[True]) / 2.0, (ends[False] - ends[True]) / 2.0))
     return Kept(ends[True], ends[False] - ends[True] <= ACCURACY * ends[False], answers.get(True))
 
 
 @contextmanager
 def advising(solution: Bounded) -> Iterator[None]:
     """Ask meanwhile only to say why there is no motion and what cures it, in what remains of the time for that."""
-    start, rest = pacing.clock(), vars(solution).get("advice_time", math.nan)
-    if math.isnan(rest):
-        rest = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
+    usual = float(np.clip(ADVICE * sum(solution.seconds.values()), *pacing.ADVISED))
+    start, rest = pacing.clock(), _advice_seconds.get(solution, usual)
     try:
         with pacing.within(max(rest, NO_TIME), share=1.0):
             yield
     finally:
-        vars(solution)["advice_time"] = rest - (pacing.clock() - start)
+        _advice_seconds[solution] = rest - (pacing.clock() - start)
 
 
 @lru_cache(maxsize=16)
@@ -260,13 +264,22 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
     drawn.
     """
     made = {own.name: (problem.made or {}).get(own.name, 0.0) for own in problem.sizes}
-    names, found = sorted(made, key=lambda name: not made[name]), dict[str, float]()
+    names = sorted(made, key=lambda name: (not beyond_tolerance(problem, name, made[name]), not made[name]))
+    found = dict[str, float]()
+
+    def helps(name: str, value: float) -> bool:
+        beyond = beyond_tolerance(problem, name, value)
+        return beyond <= ACCURACY * abs(value) or beyond < beyond_tolerance(problem, name, made[name])
+
     if wanting := lack(problem):
         off = {name: math.copysign(NUDGE * problem.size, -made[name]) for name in names}
         rates = {name: (_lack_at(problem, name, made[name] + off[name]) - wanting) / off[name] for name in names}
         most = max((abs(rate) for rate in rates.values() if not math.isnan(rate)), default=0.0)
         known = {name: _unlacking(problem, name, rate) for name, rate in rates.items() if abs(rate) > LEVER * most}
-        found = {name: _rounded_fit(problem, name, value) for name, value in known.items()}
+        known = {name: value for name, value in known.items() if not math.isinf(value)}
+        for some in ({name for name in known if helps(name, known[name])}, {*known}):  # else whatever does
+            if not any(map(math.isfinite, found.values())):
+                found |= {name: _rounded_fit(problem, name, known[name]) for name in names if name in some - {*found}}
     open_ones = [name for name in found or names if made[name] and math.isnan(found.get(name, math.nan))]
     if found and has_round_faces(problem):  # each question takes a good part of a second, and there are some twenty
         open_ones = []
@@ -276,11 +289,6 @@ def mending_sizes(problem: Problem) -> dict[str, float]:
         if share < 1.0 and not (share and has_motion(sized(share * (1.0 + BEYOND)))):  # else the judge refused it alone
             fit = _rounded_fit(problem, name, share * made[name])
             found |= {name: fit} if share or not math.isnan(fit) else {}  # nothing but as drawn may do
-
-    def helps(name: str, value: float) -> bool:
-        beyond = beyond_tolerance(problem, name, value)
-        return beyond <= 0.0 or beyond < beyond_tolerance(problem, name, made[name])
-
     return {name: x for name, x in found.items() if helps(name, x)} or found
 
 
@@ -329,14 +337,15 @@ def _lack_at(problem: Problem, name: str, value: float) -> float:
 
 def _unlacking(problem: Problem, name: str, rate: float) -> float:
     """Return the deviation of a size at which widths lack nothing, by the secant method; nan where it does not end."""
+    # infinite where others lack, whatever it is
     value, wanting = (problem.made or {}).get(name, 0.0), lack(problem)
     for _ in range(MOST_SECANTS):
         last, value = value, value - wanting / rate
         lacking = _lack_at(problem, name, value)
         if not lacking > 0.0:
             return value + 0.0 * lacking
-        if lacking == wanting:
-            break
+        if abs(lacking - wanting) <= ACCURACY * wanting:
+            return math.inf
         rate, wanting = (lacking - wanting) / (value - last), lacking
     return math.nan
 
