@@ -142,8 +142,8 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 def _followed(body: Body, offsets: Array, no_own: Flags | None = None) -> dict[int, Array]:
     """Return how round faces follow those that they are tangent to, as for `_moves`."""
     # those that can, tangent in several directions, with their radius kept where that does. With another radius those
-    # that have no size of their own (`no_own`): the round end between two flats, the nose of a pin. No more than so many
-    # in a row. Of those that move themselves fillets between planes alone, whose radius it is that changes
+    # that have no size of their own (`no_own`): the round end between two flats, the nose of a pin. At most so many in
+    # a row. Of those that move themselves fillets between planes alone, whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found

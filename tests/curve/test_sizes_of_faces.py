@@ -748,8 +748,8 @@ def test_one_round_end_stayed_as_wide_when_its_flats_moved(kind: str) -> None:
     size = fo.Size("width", "movable", faces=faces, each=each, tolerance=0.1)
     other = fo.Cylinder(3.0, 20.0, base=(0, 0, -10), facets=16, name="pin")
     if each > 0.0:
-        cradle = fo.Cylinder(5.0, 20.0, base=(0, 0, -10), facets=16)
-        other = fo.cut(fo.Box((20, 30, 8), centre=(-9, 0, 0)), cradle, fo.Box((20, 10, 20), centre=(10, 0, 0)), name="v")
+        room = fo.Cylinder(5.0, 20.0, base=(0, 0, -10), facets=16), fo.Box((20, 10, 20), centre=(10, 0, 0))
+        other = fo.cut(fo.Box((20, 30, 8), centre=(-9, 0, 0)), *room, name="cradle")
     limits = {"TX": (0.0, 3.0)} if each < 0.0 else {"TX": (-3.0, 0.0)}
     problem = fo.Problem(
         body, other, sizes=[size], made={"width": 0.1}, goal="touch", motion=fo.Translation("x"), limits=limits
