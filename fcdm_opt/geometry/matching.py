@@ -31,10 +31,9 @@ def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, .
     """Return bodies as drawn in one frame, with planes that their files' digits cannot tell apart made the same.
 
     So are those made parallel to one another and to directions of motions, or square to these, that may have been drawn
-    so: a wall which a part slides along must not cross its way, and one that it comes to lie on is met by all of its
-    face. Bodies whose coordinates are exact (`Body.rounding` 0) stay as they are,
-    and others are moved to them. The seeds stay; so do all bodies where no planes are that near each other, or they
-    are the same already.
+    so: a wall which a part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0)
+    stay as they are, and others are moved to them. The seeds stay; so do all bodies where no planes are that near each
+    other, or they are the same already.
     """
     return _matched(tuple(bodies), tuple(tuple(way.tolist()) for way in ways))
 
@@ -51,7 +50,7 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
         [start + own for own, k in zip(_faces(body), its.tolist(), strict=True) if k]
         for body, start, its in zip(bodies, starts.tolist(), kept, strict=False)
     ]
-    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), ways)
+    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), np.array(ways).reshape(-1, 3))
     if lies is None:
         return bodies
     most = np.repeat([APART * body.rounding for body in bodies], counts)
@@ -83,12 +82,7 @@ def _walls(body: Body) -> Flags:
 
 
 def _incidences(
-    bodies: Sequence[Body],
-    points: Array,
-    faces: list[list[Ints]],
-    kept: list[Flags],
-    free: Flags,
-    ways: Sequence[Sequence[float]],
+    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], kept: list[Flags], free: Flags, ways: Array
 ) -> Incidences | None:
     """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
     every = [own for some in faces for own in some]
@@ -145,39 +139,30 @@ def _incidences(
 
 
 def _directions(
-    points: Array,
-    faces: list[Ints],
-    normals: Array,
-    slack: Array,
-    owner: Ints,
-    free: Flags,
-    ways: Sequence[Sequence[float]],
+    points: Array, faces: list[Ints], normals: Array, slack: Array, owner: Ints, free: Flags, motions: Array
 ) -> tuple[dict[int, Array], float]:
-    """Return what spans the normals that faces may have, (3, 1 or 2), and how far these tilt them at most.
-
-    That of those parallel as far as digits tell, also of a direction of motion; square to others that lie in them.
-    """
+    """Return what spans the normals of faces parallel to others or motions, (3, 1 or 2), and how far it tilts them."""
     from scipy.spatial import KDTree
 
     extents = norms(np.array([np.ptp(points[own], axis=0) for own in faces]))
     in_turn = np.lexsort((-extents, slack > 0.0)).tolist()  # exact ones first
     tree, free, spans, off = KDTree(normals), free.copy(), dict[int, Array](), 0.0
-    for normal, first in [(np.array(way), -1) for way in ways] + [(normals[k], k) for k in in_turn]:
-        span, group = np.eye(3), {first} - {-1}
+    for normal, first in [(own, -1) for own in motions] + [(normals[k], k) for k in in_turn]:
+        group = {first} - {-1}
         if group and not free[first]:
             continue
-        if along := [way for way in ways if group and abs(normal @ way) * extents[first] <= slack[first]]:
-            _, sizes, axes = np.linalg.svd(np.array(along))
-            span = axes[int((sizes > DEFAULT.sharp).sum()) :].T
-            normal = units(span @ span.T @ normal)
+        along = motions[np.abs(motions @ normal) * extents[first] <= slack[first]][: len(motions) * len(group)]
+        _, sizes, axes = np.linalg.svd(along)
+        span = axes[int((sizes > DEFAULT.sharp).sum()) :].T
+        normal = units(span @ span.T @ normal)
         near = [k for side in (normal, -normal) for k in tree.query_ball_point(side, DEFAULT.sharp) if free[k]]
         tilts = {k: float(np.ptp(points[faces[k]] @ normal)) for k in {*near, *group}}
         group |= {k for k in near if tilts[k] <= slack[k]}
         free[list(group)] = False
         ahead, back = ({int(owner[k]) for k in group if side * (normals[k] @ normal) > 0.0} for side in (1.0, -1.0))
-        facing = bool(ahead and back) and len(ahead | back) > 1
-        off = max(off, *(tilts[k] for k in group if facing or along or first < 0), 0.0)
-        if along or len(group) > 1 or first < 0:
+        if (ahead and back and len(ahead | back) > 1) or len(along) or first < 0:  # that may meet, or slide
+            off = max(off, *(tilts[k] for k in group), 0.0)
+        if len(along) or len(group) > 1 or first < 0:
             spans |= dict.fromkeys(group, span if group == {first} else normal[:, None])
     return spans, off
 

@@ -1022,3 +1022,15 @@ def test_a_face_with_two_walls_opposite_was_measured_to_the_nearer_one() -> None
     block = fo.Body.convex(list(product((0, 30), (0, 10), (0, 5))))
     found = fo.Size("length", "movable", faces=["+x"], tolerance=0.1).dimensions(block)
     assert found == pytest.approx({"face left": 30.0}, abs=1e-12)
+
+
+def test_a_size_of_a_moved_body_is_told_to_name_labels() -> None:
+    """Turned by a degree no face looks along x; the label of one that did moves as it does as drawn."""
+    turn = np.eye(4)
+    turn[:2, :2] = [[math.cos(0.02), -math.sin(0.02)], [math.sin(0.02), math.cos(0.02)]]
+    body = fo.Box((10, 8, 6), name="block")
+    label = f"F{int(body.face_planes[0][:, 0].argmax()) + 1}"
+    with pytest.raises(fo.InputError, match="looks that way: of one moved name labels"):
+        fo.Size("length", "movable", faces="+x").offsets(body.moved(turn))
+    size = fo.Size("length", "movable", faces=label)
+    assert size.offsets(body.moved(turn)).tolist() == size.offsets(body).tolist()
