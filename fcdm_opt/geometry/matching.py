@@ -19,7 +19,7 @@ from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.decomposition import Method
 from fcdm_opt.geometry.flattening import Incidences, sections, settled
-from fcdm_opt.geometry.measures import norms
+from fcdm_opt.geometry.measures import norms, units
 from fcdm_opt.geometry.polygons import components, coplanar
 from fcdm_opt.tolerances import DEFAULT
 
@@ -30,10 +30,10 @@ REMEMBERED = 4  # questions: the cases of a file are about the same bodies, and 
 def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, ...]:
     """Return bodies as drawn in one frame, with planes that their files' digits cannot tell apart made the same.
 
-    So are those made parallel to directions of motions, or square to them, that may have been drawn so: a wall which a
-    part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0) stay as they are,
-    and others are moved to them. The seeds stay; so do all bodies where no planes are that near each other, or they
-    are the same already.
+    So are those made parallel to one another and to directions of motions, or square to these, that may have been drawn
+    so: a wall which a part slides along must not cross its way. Bodies whose coordinates are exact (`Body.rounding` 0)
+    stay as they are, and others are moved to them. The seeds stay; so do all bodies where no planes are that near each
+    other, or they are the same already.
     """
     return _matched(tuple(bodies), tuple(tuple(way.tolist()) for way in ways))
 
@@ -50,7 +50,7 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
         [start + own for own, k in zip(_faces(body), its.tolist(), strict=True) if k]
         for body, start, its in zip(bodies, starts.tolist(), kept, strict=False)
     ]
-    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), ways)
+    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), np.array(ways).reshape(-1, 3))
     if lies is None:
         return bodies
     most = np.repeat([APART * body.rounding for body in bodies], counts)
@@ -82,12 +82,7 @@ def _walls(body: Body) -> Flags:
 
 
 def _incidences(
-    bodies: Sequence[Body],
-    points: Array,
-    faces: list[list[Ints]],
-    kept: list[Flags],
-    free: Flags,
-    ways: Sequence[Sequence[float]],
+    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], kept: list[Flags], free: Flags, ways: Array
 ) -> Incidences | None:
     """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
     every = [own for some in faces for own in some]
@@ -99,68 +94,77 @@ def _incidences(
     first, reach = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
     rows = np.concatenate(every)
     low, high = (end.reduceat(points[rows], first[:-1]) for end in (np.minimum, np.maximum))
-    found = list(overlapping(low - reach, high + reach, owner))
-    one, two = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
-    same, near, off = list[Array](), list[Array](), 0.0
-    for plane, other in ((one, two), (two, one)):
-        size = np.diff(first)[other]
-        pair = np.repeat(np.arange(len(other)), size)
-        corner = rows[np.arange(len(pair)) + np.repeat(first[other] - np.cumsum(size) + size, size)]
-        at, slack = plane[pair], APART * (rounding[plane] + rounding[other])
-        heights = np.abs((normals[at] * points[corner]).sum(axis=1) - levels[at])
-        on = heights <= slack[pair]
-        all_on = np.bincount(pair, ~on, len(other)) == 0
-        same.append(np.column_stack([plane, other])[all_on])
-        inside = ((points[corner] >= low[at] - reach) & (points[corner] <= high[at] + reach)).all(axis=1)
-        there = on & (inside | all_on[pair])
-        near.append(np.column_stack([at, corner])[there])
-        off = max(off, float(heights[there].max(initial=0.0)))
-    tight = DEFAULT.tie * float(np.abs(points).max())
-    if not (touched := np.concatenate(near)).size:
-        return None
-    end = 0
+    found = np.concatenate([np.column_stack(pair) for pair in overlapping(low - reach, high + reach, owner)])
+    plane, other = np.concatenate([found, found[:, ::-1]]).T
+    size = np.diff(first)[other]
+    pair, start = np.repeat(np.arange(len(other)), size), np.cumsum(size) - size
+    corner, at = rows[np.arange(len(pair)) + (first[other] - start)[pair]], plane[pair]
+    heights = np.abs((normals[at] * points[corner]).sum(axis=1) - levels[at])
+    on = heights <= APART * (rounding[plane] + rounding[other])[pair]
+    same = [np.column_stack([plane, other])[np.bincount(pair, ~on, len(other)) == 0]]
+    least, most = (end.reduceat(np.where(on[:, None], points[corner], np.nan), start) for end in (np.fmin, np.fmax))
+    # where corners on a plane, or the edges between them, meet its face
+    met = on & ((most >= low[plane] - reach) & (least <= high[plane] + reach)).all(axis=1)[pair]
+    touched, end = np.column_stack([at, corner])[met], 0
     for some, body in zip(faces, bodies, strict=True):
-        own = slice(end, end := end + len(some))
+        begin, end = end, end + len(some)
         slack = DEFAULT.planarity * body.size
-        groups = [own.start + group for group in coplanar(points, some, normals[own], levels[own], slack)]
+        groups = [begin + group for group in coplanar(points, some, normals[begin:end], levels[begin:end], slack)]
         same += [np.column_stack([np.repeat(group[:1], len(group) - 1), group[1:]]) for group in groups]
     plane = components(np.concatenate(same), len(every))
-    spans = dict[int, Array]()
-    extent, shared = norms(high - low), np.unique(touched[:, 0])
-    for k in shared[np.argsort(-extent[shared], kind="stable")].tolist():
-        if int(plane[k]) in spans or not ways:
-            continue
-        slope, most = np.array(ways) @ normals[k], min(reach / extent[k], DEFAULT.sharp)
-        square = norms(np.array(ways) - slope[:, None] * normals[k]) <= most
-        along = np.abs(slope) <= most
-        off = max(off, *(extent[k] * np.where(along, np.abs(slope), 0.0)))
-        if square.any():
-            spans[int(plane[k])] = np.array(ways)[square][:1].T
-        elif along.any():
-            _, sizes, axes = np.linalg.svd(np.array(ways)[along])
-            spans[int(plane[k])] = axes[int((sizes > DEFAULT.sharp).sum()) :].T
-    if off <= tight:
-        return None
-    flat = np.repeat(np.arange(len(every)), np.diff(first))
     exact = np.bincount(plane, ~free[[own[0] for own in every]])[plane] > 0  # one that is with exact corners is theirs
-    fixing = ~exact[flat] | ~free[rows]
-    pairs = np.concatenate([np.column_stack([plane[flat], rows, fixing]), np.insert(touched, 2, 0, axis=1)])
+    face = np.repeat(np.arange(len(every)), np.diff(first))
+    meet = np.bincount(np.unique(np.column_stack([plane[face], rows]), axis=0)[:, 1])  # planes, in each corner
+    loose = np.maximum.reduceat(meet[rows], first[:-1]) <= 3  # others, of curved meshes, cannot be turned
+    loose[touched[:, 0]] = True
+    spans, off = _directions(points, every, normals, 2.0 * APART * rounding, owner, loose, ways)
+    if max(off, heights[met].max(initial=0.0)) <= DEFAULT.tie * float(np.abs(points).max()):
+        return None
+    fixing = ~exact[face] | ~free[rows]
+    pairs = np.concatenate([np.column_stack([plane[face], rows, fixing]), np.insert(touched, 2, 0, axis=1)])
     pairs[len(rows) :, 0] = plane[touched[:, 0]]
     pairs = pairs[np.lexsort((-pairs[:, 2], pairs[:, 1], pairs[:, 0]))]
     pairs = pairs[np.r_[True, (pairs[1:, :2] != pairs[:-1, :2]).any(axis=1)]]
-    for k in np.unique(plane[exact]).tolist():
-        spans.pop(k, None)
-    cuts, start = list[Ints](), 0  # along which the solids are cut into parts
+    cuts, begin = list[Ints](), 0  # along which the solids are cut into parts
     for body in bodies:
         if body.triangles and not body.is_surface:
             triangles = np.concatenate([np.array(own) for own in body.triangles])
-            cuts += [start + own for own in sections(body.vertices, triangles, DEFAULT.planarity * body.size)]
-        start += len(body.vertices)
+            cuts += [begin + own for own in sections(body.vertices, triangles, DEFAULT.planarity * body.size)]
+        begin += len(body.vertices)
     cuts = [own for own in cuts if free[own[0]]]
     corner = np.concatenate([pairs[:, 1], *cuts])
     number = np.concatenate([pairs[:, 0], np.repeat(plane.max() + 1 + np.arange(len(cuts)), list(map(len, cuts)))])
     fixing = np.concatenate([pairs[:, 2] > 0, np.ones(len(corner) - len(pairs), bool)])
-    return Incidences(corner, number, fixing, ~free, spans)
+    return Incidences(corner, number, fixing, ~free, {int(plane[k]): own for k, own in spans.items() if not exact[k]})
+
+
+def _directions(
+    points: Array, faces: list[Ints], normals: Array, slack: Array, owner: Ints, free: Flags, motions: Array
+) -> tuple[dict[int, Array], float]:
+    """Return what spans the normals of faces parallel to others or motions, (3, 1 or 2), and how far it tilts them."""
+    from scipy.spatial import KDTree
+
+    extents = norms(np.array([np.ptp(points[own], axis=0) for own in faces]))
+    in_turn = np.lexsort((-extents, slack > 0.0)).tolist()  # exact ones first
+    tree, free, spans, off = KDTree(normals), free.copy(), dict[int, Array](), 0.0
+    for normal, first in [(own, -1) for own in motions] + [(normals[k], k) for k in in_turn]:
+        group = {first} - {-1}
+        if group and not free[first]:
+            continue
+        along = motions[np.abs(motions @ normal) * extents[first] <= slack[first]][: len(motions) * len(group)]
+        _, sizes, axes = np.linalg.svd(along)
+        span = axes[int((sizes > DEFAULT.sharp).sum()) :].T
+        normal = units(span @ span.T @ normal)
+        near = [k for side in (normal, -normal) for k in tree.query_ball_point(side, DEFAULT.sharp) if free[k]]
+        tilts = {k: float(np.ptp(points[faces[k]] @ normal)) for k in {*near, *group}}
+        group |= {k for k in near if tilts[k] <= slack[k]}
+        free[list(group)] = False
+        ahead, back = ({int(owner[k]) for k in group if side * (normals[k] @ normal) > 0.0} for side in (1.0, -1.0))
+        if (ahead and back and len(ahead | back) > 1) or len(along) or first < 0:  # that may meet, or slide
+            off = max(off, *(tilts[k] for k in group), 0.0)
+        if len(along) or len(group) > 1 or first < 0:
+            spans |= dict.fromkeys(group, span if group == {first} else normal[:, None])
+    return spans, off
 
 
 def _moved(body: Body, points: Array) -> Body:

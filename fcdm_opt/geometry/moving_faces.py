@@ -141,21 +141,19 @@ def _moves(body: Body, offsets: Array) -> list[Array | None]:
 
 def _followed(body: Body, offsets: Array, no_own: Flags | None = None) -> dict[int, Array]:
     """Return how round faces follow those that they are tangent to, as for `_moves`."""
-    # those that can, of at least two others, with their radius kept where that does; with another radius both ends of a
-    # slot or key, tangent to the same, that have no size of their own (`no_own`). No more than so many in a row. Of
-    # those that move themselves fillets between planes alone, whose radius it is that changes
+    # those that can, tangent in several directions, with their radius kept where that does. With another radius those
+    # that have no size of their own (`no_own`): the round end between two flats, the nose of a pin. At most so many in
+    # a row. Of those that move themselves fillets between planes alone, whose radius it is that changes
     found, rounds = dict[int, Array](), round_surfaces(body)
     if not rounds or not offsets.any():
         return found
     surface_of = {row: k for k, (_, rows) in enumerate(rounds) for row in rows}
     moves = {k: _moved_surface(body, rows, offsets) for k, (_, rows) in enumerate(rounds)}
     known = _tangencies(body)
-    touched = {k: {each.other for each in own} for k, own in known.items()}
     for _ in range(CHAIN):
         before = dict(found)
         for k, tangencies in known.items():
-            both_ends = no_own is not None and bool(no_own[list(rounds[k][1])].all()) and any(
-                len(touched[k] & others) > 1 for other, others in touched.items() if other != k)  # fmt: skip
+            follows = no_own is not None and bool(no_own[list(rounds[k][1])].all())
             grows = 0.0
             if offsets[list(rounds[k][1])].any():
                 own_move, curved = moves[k], any(each.other in surface_of for each in tangencies)
@@ -176,7 +174,7 @@ def _followed(body: Body, offsets: Array, no_own: Flags | None = None) -> dict[i
             if not speeds.any():
                 continue
             least = DEFAULT.snap * np.abs(speeds).max()
-            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 2 if both_ends and not grows else 1]:
+            for free in (np.append(0.0, np.ones(4)), np.ones(5))[: 2 if follows and not grows else 1]:
                 answer = np.asarray(np.linalg.lstsq(columns * free, speeds, rcond=DEFAULT.sharp)[0], float)
                 if np.abs(columns * free @ answer - speeds).max() <= least:
                     found[k] = np.where(np.abs(answer) <= least, 0.0, answer) + grows * np.eye(5)[0]
@@ -188,7 +186,7 @@ def _followed(body: Body, offsets: Array, no_own: Flags | None = None) -> dict[i
 
 @lru_cache(maxsize=16)
 def _tangencies(body: Body) -> dict[int, list[Tangency]]:
-    """Return where each round face of a body is tangent to others, of those that are to at least two."""
+    """Return where each round face of a body is tangent to others, of those that are so in several directions."""
     rounds, (corners, owners) = round_surfaces(body), body.face_triangles
     surface_of = {row: k for k, (_, rows) in enumerate(rounds) for row in rows}
     around = dict[tuple[float, ...], dict[int, Array]]()  # by corner, the faces there: rows and outward normals
@@ -211,8 +209,7 @@ def _tangencies(body: Body) -> dict[int, list[Tangency]]:
                         _across(np.array(rounds[own][0][:2]), place) if own >= 0 else np.zeros(3) for own in (k, other)
                     ]
                     found.setdefault(k, []).append(Tangency(row, each[k][1], *ends))
-    others = {k: {surface_of.get(own.other, -1 - own.other) for own in those} for k, those in found.items()}
-    return {k: those for k, those in found.items() if len(others[k]) > 1}
+    return {k: own for k, own in found.items() if np.ptp([each.normal for each in own], axis=0).max() > DEFAULT.sharp}
 
 
 def between_planes(body: Body) -> set[int]:

@@ -363,7 +363,10 @@ class Size(Plain):
             if rows.size:
                 return rows
         if not rows.size:
-            order, what = np.arange(len(normals)), f"no face of body '{body.name}' looks that way"
+            order, what = (
+                np.arange(len(normals)),
+                f"no face of body '{body.name}' looks that way: of one moved name labels",
+            )
             if "through" in selector:  # nearest first, by the boxes about faces
                 corners = [body.vertices[np.array(face) - 1] - np.array(selector["through"]) for face in body.faces]
                 off = [np.maximum(own.min(axis=0), -own.max(axis=0)).clip(min=0.0) for own in corners]

@@ -729,6 +729,45 @@ def test_the_round_end_between_two_flats_goes_with_the_one_that_moves() -> None:
     assert np.abs(made.vertices[:, 0]).max() == pytest.approx(20.018, abs=1e-9)
 
 
+ARC, ROD = fo.Cylinder(4.0, 10.0, base=(0, 0, -5), facets=16), fo.Box((30, 8, 10), centre=(15, 0, 0))
+ROUND_AT_ONE_END = {
+    "tongue": (fo.joined(ARC, ROD, name="tongue"), ["+y", "-y"], 0.5),
+    "open slot": (fo.cut(fo.Box((40, 30, 6)), ARC, ROD, name="open slot"), None, -0.5),
+    "keyhole": (
+        fo.cut(fo.Box((60, 30, 6)), ARC, fo.Box((16, 8, 10), centre=(8, 0, 0)),
+               fo.Cylinder(8.0, 10.0, base=(16, 0, -5), facets=24), name="keyhole"), None, -0.5,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ROUND_AT_ONE_END)
+def test_one_round_end_stayed_as_wide_when_its_flats_moved(kind: str) -> None:
+    """The gap along x to a pin or cradle of radius 3 or 5 about the same axis: 1, and half of what the width is off."""
+    body, walls, each = ROUND_AT_ONE_END[kind]
+    faces = walls or [{"through": (5, y, 0)} for y in (-4, 4)]
+    size = fo.Size("width", "movable", faces=faces, each=each, tolerance=0.1)
+    other = fo.Cylinder(3.0, 20.0, base=(0, 0, -10), facets=16, name="pin")
+    if each > 0.0:
+        room = fo.Cylinder(5.0, 20.0, base=(0, 0, -10), facets=16), fo.Box((20, 10, 20), centre=(10, 0, 0))
+        other = fo.cut(fo.Box((20, 30, 8), centre=(-9, 0, 0)), *room, name="cradle")
+    limits = {"TX": (0.0, 3.0)} if each < 0.0 else {"TX": (-3.0, 0.0)}
+    problem = fo.Problem(
+        body, other, sizes=[size], made={"width": 0.1}, goal="touch", motion=fo.Translation("x"), limits=limits
+    )
+    radii = sorted(surface.radius for surface, _ in round_surfaces(problem.movable))
+    assert radii == pytest.approx([4.05, 8.0][: 1 + (kind == "keyhole")], abs=1e-9)
+    assert size.dimensions(body, {size: 0.1}) == pytest.approx({"": 8.1})
+    assert fo.solve(problem).amount == pytest.approx(1.0 - each * 0.1, rel=1e-6)
+
+
+def test_the_hemisphere_at_the_end_of_a_pin_stayed_as_wide_when_the_pin_became_thicker() -> None:
+    """Of radius 4.05 it ends at 14.05."""
+    pin = fo.joined(fo.Cylinder(4.0, 10.0, facets=16), fo.Sphere(4.0, centre=(0, 0, 10), facets=16), name="pin")
+    made = resized(pin, {fo.Size("diameter", "movable", faces="cylinder radius 4", each=0.5): 0.1})
+    assert [surface.radius for surface, _ in round_surfaces(made)] == pytest.approx([4.05, 4.05], abs=1e-9)
+    assert made.vertices[:, 2].max() == pytest.approx(14.05, abs=1e-9)
+
+
 def test_the_ends_of_a_feather_key_were_offered_as_sizes_of_their_own() -> None:
     """They go with the flats; a bore through the key goes with none."""
     key = fo.cut(fo.joined(*feather(8.0, "key"), name="key"), fo.Cylinder(2.0, 9.0, base=(0, 0, -4.5), facets=16))
@@ -983,3 +1022,15 @@ def test_a_face_with_two_walls_opposite_was_measured_to_the_nearer_one() -> None
     block = fo.Body.convex(list(product((0, 30), (0, 10), (0, 5))))
     found = fo.Size("length", "movable", faces=["+x"], tolerance=0.1).dimensions(block)
     assert found == pytest.approx({"face left": 30.0}, abs=1e-12)
+
+
+def test_a_size_of_a_moved_body_is_told_to_name_labels() -> None:
+    """Turned by a degree no face looks along x; the label of one that did moves as it does as drawn."""
+    turn = np.eye(4)
+    turn[:2, :2] = [[math.cos(0.02), -math.sin(0.02)], [math.sin(0.02), math.cos(0.02)]]
+    body = fo.Box((10, 8, 6), name="block")
+    label = f"F{int(body.face_planes[0][:, 0].argmax()) + 1}"
+    with pytest.raises(fo.InputError, match="looks that way: of one moved name labels"):
+        fo.Size("length", "movable", faces="+x").offsets(body.moved(turn))
+    size = fo.Size("length", "movable", faces=label)
+    assert size.offsets(body.moved(turn)).tolist() == size.offsets(body).tolist()

@@ -289,3 +289,38 @@ def test_planes_are_grouped_as_by_comparing_all_pairs():
 
 def _has_area(corners):
     return bool(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0])) > 1e-9)
+
+
+def prism(tmp_path, name, outline, low, high):
+    solid = m3.CrossSection([outline]).extrude(high - low).translate([0.0, 0.0, low])
+    return read(tmp_path, name, "stl", *arrays(solid, np.eye(3), np.zeros(3)))
+
+
+def test_slanted_walls_apart_from_each_other_are_parallel(tmp_path):
+    """A flat of 45 degrees, .12 off its counterpart, had two contacts, each of an edge, moved by a size across it."""
+    flat = 27.0 + 0.12 * 2**0.5
+    spigot = prism(tmp_path, "spigot", [(-20, -15), (20, -15), (20, 7), (12, 15), (-20, 15)], 2.0, 14.0)
+    room = [(-20.1, -15.1), (20.1, -15.1), (20.1, flat - 20.1), (flat - 15.1, 15.1), (-20.1, 15.1)]
+    hole = m3.CrossSection([room]).extrude(20.0).translate([0, 0, -1])
+    ring = m3.Manifold.cube([70, 60, 12]).translate([-35, -30, 0]) - hole
+    recess = read(tmp_path, "recess", "stl", *arrays(ring, np.eye(3), np.zeros(3)))
+    sizes = [
+        fo.Size("length", "movable", faces=["+x", "-x"], each=0.5, tolerance=0.03),
+        fo.Size("flat", "movable", faces={"through": (16, 11, 8)}, tolerance=0.04),
+    ]
+    problem = fo.Problem(spigot, recess, sizes=sizes, made={}, goal="clear", motion=fo.Translation("x"))
+    rows = [row for pair in fo.stack_up(problem).touching.pairs for row in pair.values.tolist()]
+    assert len(rows) == 5
+    slanted = [row for row in rows if row[0] == pytest.approx(0.12, abs=1e-5)]
+    assert [row[1:] for row in slanted] == [pytest.approx((0.0, -1.0), abs=1e-12)]
+
+
+def test_a_wall_on_an_edge_that_overhangs_it_is_no_overlap_of_the_digits(tmp_path):
+    """A rod of 45 degrees at the edge of a corner that is higher and deeper: a gap of -2.7e-06, no contact as drawn."""
+    c, s = 60.0 - 4.0 / 2**0.5, 0.5**0.5
+    rod = [(c + s * (u + w), c + s * (w - u)) for u, w in ((-75, -4), (75, -4), (75, 4), (-75, 4))]
+    movable = prism(tmp_path, "rod", rod, 1.0, 21.0)
+    static = prism(tmp_path, "corner", [(60, 60), (200, 60), (200, 200), (60, 200)], 0.0, 30.0)
+    problem = fo.Problem(movable, static, target=(1, 1), goal="touch", motion=fo.Translation("x"))
+    assert fo.decision_curve(problem.movable, problem.static).gap((1, 1)) == pytest.approx(0.0, abs=1e-12)
+    assert fo.solve(problem).amount == 0.0
