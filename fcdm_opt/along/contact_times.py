@@ -226,16 +226,22 @@ def contact_times(
     return ContactTimes(asked, along, pair, joined, tuple(touches), keep_outs, all(own.proved for own in found), lines)
 
 
-def _of_each(problem: Problem, along: Array, pair: Array, limit: float | None) -> dict[str, ContactTimes]:
-    """Return the times of two bodies, by "", and of the movable one and each keep-out, by its name."""
+def _of_each(
+    problem: Problem, along: Array, pair: Array, limit: float | None, least: float = 0.0
+) -> dict[str, ContactTimes]:
+    """Return the times of two bodies, by "", and of the movable one and each keep-out, by its name.
+
+    Of large bodies as far as to |x| = `least`, and to the first contacts; of large keep-outs as far as the two meet.
+    """
     within = exact_where(of_bodies(problem, pair), 0.0 * along, apart=0.0)
     exact = within.exact_at is not None
-    found = _times(within if exact else problem, along, pair, limit)
+    found = _times(within if exact else problem, along, pair, limit, least)
     each = {"": _of_true_faces(found, within) if exact else found}
+    least = max((abs(own.low) for own in found.spans[1:]), default=0.0)
     for own in problem.keep_out:
         asked = _with_keep_out(problem, own, pair)
         near = _times_clear(asked, along, own.clearance, limit) if own.clearance else None
-        each[own.name] = near or _of_each(asked, along, asked.target, limit)[""]
+        each[own.name] = near or _of_each(asked, along, asked.target, limit, least)[""]
     return each
 
 
@@ -298,9 +304,9 @@ def _features(problem: Problem, q: Array, pair: Array) -> tuple[Feature, ...]:
     return touching_features(one, two, pose, pair, DEFAULT.nominal * problem.size)
 
 
-def _times(problem: Problem, along: Array, pair: Array, limit: float | None) -> ContactTimes:
+def _times(problem: Problem, along: Array, pair: Array, limit: float | None, least: float) -> ContactTimes:
     """Return when two bodies touch, without keep-outs."""
-    problem, limit = _to_first_contacts(problem, along, pair, limit)
+    problem, limit = _to_first_contacts(problem, along, pair, limit, least)
     back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     spans += [StateSpan(*own) for own in ahead.spans]
@@ -351,7 +357,7 @@ def _at_rest(problem: Problem, clearance: float, along: Array) -> ContactTimes:
 
 
 def _to_first_contacts(
-    problem: Problem, along: Array, pair: Array, limit: float | None
+    problem: Problem, along: Array, pair: Array, limit: float | None, least: float
 ) -> tuple[Problem, float | None]:
     """Return a question with the parts of large bodies that meet first active, and how far to look; others as is."""
     if not problem.partial:
@@ -366,7 +372,7 @@ def _to_first_contacts(
             while clear < x:
                 problem, clear = with_parts_met_along(problem, sign * along, moving, clear, x)
         both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
-        if all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
+        if x >= least and all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
             break
     return problem, limit if x >= max(ends) else x
 

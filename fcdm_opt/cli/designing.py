@@ -464,10 +464,9 @@ def _each_case(
 
     Cases that differ in keys alone that are no matter, `ignored`, are asked about once.
     """
-    from fcdm_opt.geometry.facet_errors import known_to
     from fcdm_opt.judge.certificate import Certificate, judged_in_time
     from fcdm_opt.show.printing import print_lines
-    from fcdm_opt.show.remarks import on_true_faces, sizes_as_drawn
+    from fcdm_opt.show.remarks import errors_of_facets, on_true_faces, sizes_as_drawn
     from fcdm_opt.show.tables import print_case, print_judged
 
     before = dict[str, tuple[str, dict[str, Any]]]()
@@ -489,7 +488,7 @@ def _each_case(
             inquiry.codes.append(_code(answer))
             if key != "map":  # which says it itself
                 exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
-                facets = [] if exact else known_to(problem.bodies, problem.unit)
+                facets = [] if exact else errors_of_facets(problem)
                 known |= dict.fromkeys(getattr(answer, "known_to", facets))
             certificate = None
             if key in JUDGED:

@@ -60,7 +60,7 @@ def remarks(solution: Solution) -> list[str]:
         others = "; what is said of motions is of the true faces" * on_true_faces(problem)
         told.append(f"overlapping by {depth} is of the facets{others}")
     low, high = solution.amount_low, solution.amount_high
-    known = () if solution.exact_of_mesh else known_to(problem.bodies, problem.unit)
+    known = () if solution.exact_of_mesh else errors_of_facets(problem)
     told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
@@ -74,6 +74,11 @@ def least_at_rest(scene: Scene) -> list[str]:
         return []
     what = 'made "worst" is the least play at rest, sizes without a part in the least gap at that of the next contact'
     return [GoodNews(f"{what}: others may need a larger motion, and a gap be smaller in a chain of parts (see stack)")]
+
+
+def errors_of_facets(problem: Scene) -> list[str]:
+    """Return a sentence on how far gaps of the facets may be off those of the solids that bodies stand for, and why."""
+    return known_to(problem.bodies, problem.unit)
 
 
 def sizes_as_drawn(scene: Scene) -> list[str]:

@@ -411,7 +411,7 @@ def prism(path: Path, corners: Any, cut: Any, ends: tuple[float, float]) -> Path
 
 def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path: Path) -> None:
     """Its flanks are lift / sqrt(2) from those of the block: moved by that along a normal, one of them touches."""
-    lift = 0.05123457  # more digits than single precision keeps, so that flanks are tilted by rounding
+    lift = 0.05123457  # more digits than single precision keeps: rounding tilts no flank
     block = vee(tmp_path / "block.stl")
     path = tmp_path / "p.toml"
     made = draft(wedge(tmp_path / "wedge.stl", lift), block, file=path)
@@ -420,13 +420,13 @@ def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path:
     assert told is not None
     shift = np.array([float(x) for x in told.group(1).split(",")])
     length = float(told.group(2))
-    assert length == pytest.approx(np.linalg.norm(shift), rel=2e-6) == pytest.approx(lift / 2**0.5, rel=1e-4)
+    assert length == pytest.approx(np.linalg.norm(shift), rel=4e-6) == pytest.approx(lift / 2**0.5, rel=1e-4)
     assert np.abs(shift) == pytest.approx([lift / 2, 0.0, lift / 2], rel=1e-4)
     one, two = (Body.from_file(tmp_path / f"{name}.stl", unit="mm") for name in ("wedge", "block"))
     pose = np.eye(4)
     pose[:3, 3] = shift
     assert Situation(one.moved(pose), two).state == "touching"
-    # what else the file says: sizes are no places, all five goals, a tilt by single precision, two flanks alike
+    # what else the file says: sizes are no places, all five goals, two flanks alike
     assert "other nominal SIZES" in made.text
     (snap,) = re.findall(r"^#snap = (\S+)", made.text, re.MULTILINE)
     path.write_text(made.text.replace("#snap", "snap").replace('goal = "touch"', 'goal = "at"', 1))
@@ -434,7 +434,7 @@ def test_a_wedge_drawn_a_little_above_its_block_is_told_how_to_meet_it(tmp_path:
     moved = np.abs(load_problems(path)[0].snapped.pair - 1.0).max()  # of either size, more than the gap's share
     assert 2 * float(told.group(2)) / two.size < float(snap) == pytest.approx(2 * moved, rel=0.1)
     assert {*re.findall(r'^#? ?goal =? ?"(\w+)"', made.text, re.MULTILINE)} == {*GOALS}
-    assert "practically face on face: the faces that meet are parallel within" in said
+    assert "practically face on face" not in said
     assert said.splitlines()[-1] == "another motion is as small in C, D"
     assert made.text.count("Another motion is as small") == 2
     assert not re.search(r"\de-1\d", made.text)

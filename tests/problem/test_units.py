@@ -213,8 +213,8 @@ def test_tables_say_it_once(printed: Callable[[str], None], capsys: pytest.Captu
     bare = re.sub(r"time of .*", "", capsys.readouterr().out)
     printed("mm")
     text = re.sub(r"time of .*", "", capsys.readouterr().out).replace(LINE, "", 1)
-    if (found := text.find("case  asked")) > 0:  # verdicts, above the table, are sentences: each length has its unit
-        text = text[:found].replace(" mm", "") + text[found:]
+    # verdicts above the table and remarks below are sentences: each length has its unit
+    text = re.sub(r"(?s)^.*(?=case  asked)|unmoved, over .*", lambda found: found[0].replace(" mm", ""), text)
     assert text == bare
     assert not words(bare)
 
