@@ -74,7 +74,7 @@ def test_round_parts_that_touch_between_their_facets_were_said_to_be_apart():
         fo.coherent_range(asked)
 
 
-@pytest.mark.parametrize("round_one", [True, False])
+@pytest.mark.parametrize("round_one", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_where_facets_end_a_contact_was_told_as_where_round_faces_do(round_one: bool):
     """A peg with .03 of play on the floor of its pocket: facets meet elsewhere, of which nothing was said."""
     low, high = (5.0, 10.0, (0, 0, 0)), (5.03, 20.0, (0, 0, 0))

@@ -221,7 +221,7 @@ def test_the_face_of_a_finger_on_a_bar_had_no_derivative_of_the_motion() -> None
     assert Sensitivity.from_dict(json.loads(json.dumps(found.to_dict()))).motion_reasons == (why,)
 
 
-@pytest.mark.parametrize("ends", [False, True], ids=["square", "round"])
+@pytest.mark.parametrize("ends", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["square", "round"])
 def test_the_width_of_a_slot_beside_a_hole_had_no_derivative(ends: bool) -> None:
     """Two pins, .005 aside, in a hole and in a slot .02 narrower than the hole: half of the width that it changes.
 
@@ -265,7 +265,7 @@ def test_a_peg_with_its_seed_off_its_axis_moves_as_it_turns() -> None:
     assert found.sensitivity.motion_by_pose[0, 5] == pytest.approx(0.2, abs=1e-6)
 
 
-@pytest.mark.parametrize("more", [{}, {"facets": 24}])
+@pytest.mark.parametrize("more", [{}, pytest.param({"facets": 24}, marks=pytest.mark.slow)])
 def test_a_flat_of_a_bore_that_goes_on_as_a_cut_had_no_share_in_the_amount(more: dict[str, int]) -> None:
     """Flats .05 apart as drawn: amount = clearance - .05 - wall + side, with slopes -1 and 1; that by the bore was -0.
 

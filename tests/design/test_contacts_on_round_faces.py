@@ -154,7 +154,7 @@ def test_a_plate_with_a_hole_and_a_slot_on_two_pins() -> None:
         assert best.passed
 
 
-@pytest.mark.parametrize("angle", [25.0, 40.0])
+@pytest.mark.parametrize("angle", [pytest.param(25.0, marks=pytest.mark.slow), 40.0])
 def test_a_ball_that_is_larger_than_its_cone(angle: float) -> None:
     """Pieces of both at points of the ring were told to leave each other aslant: -.02473 for -.025, not verified."""
     half, off = np.radians(angle), 0.05

@@ -69,6 +69,7 @@ def test_a_shaft_as_wide_as_its_bore_left_no_stack_up_but_its_own(of, drawn, mov
     assert fo.verify(stack).passed
 
 
+@pytest.mark.slow
 def test_a_fit_needs_no_motion_across() -> None:
     stack = fo.stack_up(pinned(motion=Z), of=("cap", "plate"))
     assert rates(stack) == {"head": 1.0}
