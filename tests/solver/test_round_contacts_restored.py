@@ -215,7 +215,10 @@ def test_a_roller_whose_facets_do_not_touch_its_v_block(half: float, off: float)
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((-0.025, 0.025))
 
 
-@pytest.mark.parametrize(("facets", "off"), [(32, -0.05), *(pytest.param(n, 0.05, marks=pytest.mark.slow) for n in (30, 33))])
+@pytest.mark.parametrize(
+    ("facets", "off"),
+    [(32, -0.05), *(pytest.param(count, 0.05, marks=pytest.mark.slow) for count in (30, 33))],
+)
 def test_a_pin_that_stands_on_the_floor_in_a_corner(facets: int, off: float) -> None:
     """One contact is of plane faces: walls that facets do not touch were left out, others known of facets alone."""
     walls = fo.Box((4, 40, 20), centre=(-7, 0, 10)), fo.Box((30, 4, 20), centre=(5, -7, 10))
