@@ -11,7 +11,7 @@ from typing import Literal, cast
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import MANY, described_faces, names_of_faces, told_element
+from fcdm_opt.geometry.naming import MANY, names_of_faces, names_of_rows, told_element
 
 FeatureKind = Literal["V1V2", "V1E2", "E1V2", "E1E2", "V1F2", "F1V2", "E1F2", "F1E2", "F1F2"]
 
@@ -76,8 +76,8 @@ class Feature:
         for element, body in ((self.one, movable), (self.two, static)):
             corners, face = ",".join(f"V{v}" for v in element.vertices), tuple(sorted(element.vertices))
             names = {names_of_faces(body, four_digits=few).get(face) for few in (False, True)}
-            if element.kind == "F" and face in (rows := (body.full_body or body).face_rows):
-                names |= {described_faces(body)[face][0], f"face {rows[face] + 1}"}
+            if element.kind == "F" and face in (rows := (whole := body.full_body or body).face_rows):
+                names |= {names_of_rows(whole)[rows[face]], f"face {rows[face] + 1}"}
             sides.append({corners, *(text for name in names - {None} for text in (f" {name}", f"{corners} of {name}"))})
         both = {f"{self.kind}(P1{one}; P2{two})" for one, two in product(*sides)}
         return both | {self.in_words(movable, static)}

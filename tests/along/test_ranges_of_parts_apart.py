@@ -91,3 +91,13 @@ def test_where_facets_end_a_contact_was_told_as_where_round_faces_do(round_one: 
     assert free == pytest.approx((-0.03, 0.03), rel=1e-6)
     assert found.high == pytest.approx(0.03, rel=1e-6)
     assert "followed as facets" not in str(found)
+
+
+def test_a_chosen_flush_contact_beside_a_bore_had_no_range() -> None:
+    """Faces that come from points of round faces have no name, and were looked up by one."""
+    ring = fo.cut(fo.Cylinder(17.0, 15.0, name="ring"), fo.Cylinder(12.5, 40.0, base=(0, 0, -10)))
+    shaft = fo.Cylinder(12.5, 30.0, base=(0, 0, -10))
+    seat = fo.joined(shaft, fo.Cylinder(16.0, 10.0, base=(0, 0, -10)), name="seat")
+    asked = fo.Problem(ring, seat, motion=fo.Translation("z"), goal="seat", contacts=["F1F2(P1 bottom; P2 face 36)"],
+                       nominal="drawn", requirement="A", tolerance=0.02)  # fmt: skip
+    assert fo.coherent_range(asked, {"TZ": 1.0}).low == 0.0  # the bore as wide as the shaft touches it at once
