@@ -59,7 +59,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
         return _made(problem, task, q, _nothing(layout, 0.0), reasons)
     if _keeps_its_steps(problem, task, q):
         return _made(problem, task, q, _nothing(layout, 0.0), [])
-    holding = Holding(task, q, layout, problem.limits)
+    holding = Holding(task, q, problem.limits)
     balances = _balances(task, _pieces(holding), holding.groups())
     best = min(balances, key=lambda balance: balance.residual)
     near = BALANCED if holding.round else DEFAULT.stationary
@@ -80,7 +80,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     counted[layout.clearances] = [task.clearance > 0, *(own.clearance > 0 for own in task.keep_out)]  # else one-sided
     more = np.any([balance.open for balance in even], axis=0)
     for end in tied:  # the amount is the less of both
-        at = Holding(task, end, layout, problem.limits)
+        at = Holding(task, end, problem.limits)
         even += [own for own in _balances(task, _pieces(at), at.groups()) if own.residual <= near]
     other = np.any([balance.unlike(best) for balance in even], axis=0)
     if (more & counted).any():
@@ -325,7 +325,9 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
-        moved, amounts, missing = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
+        moved, amounts, missing = motion_rates(
+            [Holding(task, q, problem.limits)], changes, nominal, problem.target / problem.nominal_pair
+        )
         if problem.exact_at is not None and problem.amount == "weighted":
             faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
             still = [3 + k for k in range(3) if faces.of_revolution(seed, np.eye(3)[k]).all()]
@@ -370,7 +372,7 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     elif assembly.resolution:
         reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
     else:
-        moved, amounts, _ = motion_rates(tasks, q, changes)
+        moved, amounts, _ = motion_rates([Holding(task, q, task.limits) for task in tasks], changes)
     if not reasons and np.isnan(moved).any():
         reasons.append("other contacts hold the motion to either side, or more than are needed")
     scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
@@ -504,7 +506,7 @@ def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Ra
     assert isinstance(contact, SwitchingPoint)
     flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
     free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), untracked=())
-    holding = Holding(free, task.rest, Layout.of(task), problem.limits)
+    holding = Holding(free, task.rest, problem.limits)
     rates = holding.at_rest()
     reasons += holding.reasons
     return rates
