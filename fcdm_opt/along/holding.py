@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along.round_contacts import RoundContact, round_contacts
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.coherence import Tracked, heights_beyond
 from fcdm_opt.curve.contact import (
     SITE_KINDS,
     Contact,
@@ -439,24 +439,24 @@ class Holding:
     def _real(self, s: float, rho: Array, pose: Array, tracked: tuple[Tracked, ...]) -> list[Alternatives]:
         """Return what keeps the tracked contact real at one point of the way and may be active there."""
         task, slack = self.task, self.slack
-        found: list[tuple[Parts, list[tuple[Site, Array, float]]]] = []
+        found: list[tuple[Parts, list[tuple[Site, Array]], float]] = []
         own = {feature.parts for feature in tracked}
         for parts, sites, rows, separations in near_pairs(task.movable, task.static, pose, rho, slack, own):
             normals = [feature.normal for feature in tracked if feature.parts == parts]
             tight = [
-                ((int(sites[k, 0]), int(sites[k, 1]), int(sites[k, 2])), rows[k, :3])
+                (tuple(sites[k].tolist()), rows[k, :3])
                 for k in np.flatnonzero(np.abs(separations) <= slack)
                 if not any(rows[k, :3] @ n > 1.0 - DEFAULT.nominal for n in normals)
             ]
             if parts in own:
-                found += [(parts, [(site, normal, -1.0)]) for site, normal in tight]
+                found += [(parts, [one], -1.0) for one in tight]
             elif abs(separations.max()) <= slack and tight:
-                found.append((parts, [(site, normal, 1.0) for site, normal in tight]))
+                found.append((parts, tight, 1.0))
         level = [
             (own_feature, here, body, vertex)
             for k, (own_feature, here) in enumerate(zip(task.tracked, tracked, strict=True))
             if not (task.flush and task.flush[k]) and not task.seats
-            for body, vertex in self._level(own_feature, here, pose, rho)
+            for body, vertex in self._level(here, pose, rho)
         ]
         if not found and not level:
             return []
@@ -470,22 +470,20 @@ class Holding:
             return rate.along(pair, lines) if len(lines) == 2 else replace(self._at_target(rate), free=False)
 
         groups: list[Alternatives] = []
-        for parts, ways in found:
-            name = f"{task.named(parts)} stays {'apart' if ways[0][2] > 0 else 'in contact'} on the way"
-            rates = [self._site(scene, name, parts, site, normal, rho).times(side) for site, normal, side in ways]
+        for parts, tight, side in found:
+            name = f"{task.named(parts)} stays {'apart' if side > 0 else 'in contact'} on the way"
+            rates = (self._site(scene, name, parts, site, normal, rho).times(side) for site, normal in tight)
             groups.append([(on_the_way(rate),) for rate in rates])
         for feature, here, body, vertex in level:
             groups.append([(on_the_way(self._behind(scene, feature, here, body, vertex, rho)),)])
         return groups
 
-    def _level(self, feature: FeaturePoints, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
+    def _level(self, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
         """Yield (body, vertex) for vertices that are level with a tracked feature and no corners of its elements."""
-        one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
-        known = site_corners(one, two, feature.site)
-        inward = here.normal @ pose[:9].reshape(3, 3)
-        for body, part, way in ((MOVABLE, one, inward), (STATIC, two, -here.normal)):
-            heights = (part.vertices - part.seed) @ way - here.line[body]
-            for vertex in np.flatnonzero(np.abs(heights) * rho[body] <= self.slack).tolist():
+        bodies = self.task.movable, self.task.static
+        known = site_corners(bodies[0].parts[here.parts[0]], bodies[1].parts[here.parts[1]], here.site)
+        for body, heights in enumerate(heights_beyond(*bodies, pose, rho, here)):
+            for vertex in np.flatnonzero(np.abs(heights) <= self.slack).tolist():
                 if vertex not in known[body]:
                     yield body, vertex
 

@@ -125,20 +125,19 @@ def motion_rates(
     both = given.derivatives(q) if given else np.column_stack([np.diag(weights**2), weights**2 * q])
     if task.weighted or given:
         free, columns = [j for j, own in enumerate(held) if own.free] if several else [], slopes / weights
-        kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
+        kept = [free[j] for j in independent(columns[free])]  # those without multiplier too
         columns[[j for j in free if j not in kept]] = 0.0
-        used, multipliers = _multipliers(held, columns, both[:, -1] / weights)
-        if kept and (len(used) or not q.any()):
-            shares = dict(zip(used.tolist(), multipliers.tolist(), strict=True))
-            used = np.array(sorted(kept | shares.keys()), np.int64)
-            multipliers = np.array([shares.get(j, 0.0) for j in used.tolist()])
+        multipliers = _multipliers(held, columns, both[:, -1] / weights)
+        holds = multipliers != 0.0
+        if holds.any() or not q.any():
+            holds[kept] = True
     else:  # where constraints alone say what the motion is
-        used, multipliers = np.flatnonzero(slopes.any(axis=1)), np.zeros(len(held))
-    count = len(used)
+        multipliers, holds = np.zeros(len(held)), slopes.any(axis=1)
+    used, count = np.flatnonzero(holds), int(holds.sum())
     pairs = [held[j].alone for j in used if held[j].alone is not None]
     if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not (task.weighted or given)):
         return unknown
-    bend = both[:, :-1] - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=False))
+    bend = both[:, :-1] - sum(m * own.bend for m, own in zip(multipliers, held, strict=True) if m)
     system = np.block([[bend, -slopes[used].T], [slopes[used], np.zeros((count, count))]])
     across = np.linalg.svd(slopes[used] / weights)[2][count:] / weights  # what the constraints leave open
     sure = np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) == count
@@ -147,20 +146,16 @@ def motion_rates(
     unit = 1.0 if given else task.amount(q) or np.nan
     start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
     for change in changes:
-        drawn = [own.by_data @ _moves(task, nominal, Change(change[0].field), np.zeros(2)) for own in start]
+        drawn = [own.by_data @ _moves(task, own, Change(change[0].field), np.zeros(2)) for own in start]
         target = ratio * drawn if drawn and ratio is not None else np.zeros(2)
-        moves = [
-            _moves(tasks[k], own.features, change[k], target, still=own.keep_out, turns=own.round)
-            if own.features else np.zeros(0)
-            for k, own in zip(owners, held, strict=True)
-        ]  # fmt: skip
+        moves = [_moves(tasks[k], own, change[k], target) for k, own in zip(owners, held, strict=True)]
         off = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
         dq, why = none, "" if sure else NOT_WORKED_OUT
         if not np.isfinite(off).all():
             why = OTHER_CORNERS
         elif sure:
-            mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=False))
-            dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
+            pulls = [m * own.mixed @ move for m, own, move in zip(multipliers, held, moves, strict=True) if m]
+            dq = np.linalg.solve(system, np.append(sum(pulls, np.zeros(len(q))), -off[used]))[: len(q)]
             left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
             near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
             dq, why = (dq, "") if np.abs(left).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
@@ -175,36 +170,35 @@ def _alike(held: Sequence[_Constraint], slopes: Array, off: Array, used: Ints, m
     from scipy.optimize import linprog
 
     still = ~slopes.any(axis=1)
-    value = float(multipliers @ off[used]) if multipliers.any() else np.nan
+    value = float(multipliers @ off) if multipliers.any() else np.nan
     near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
     if not np.isfinite(value) or not np.abs(off[still]).max(initial=0.0) <= near:
         return np.nan
     rows = np.flatnonzero(~still)
     signs = [(None if held[j].free else 0.0, None) for j in rows.tolist()]
     for side in (1.0, -1.0) if len(rows) > len(used) else ():
-        best = linprog(side * off[rows], A_eq=slopes[rows].T, b_eq=slopes[used].T @ multipliers, bounds=signs)
+        best = linprog(side * off[rows], A_eq=slopes[rows].T, b_eq=slopes.T @ multipliers, bounds=signs)
         if best.status != 0 or not abs(side * best.fun - value) <= near:
             return np.nan
     return value
 
 
-def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Ints, Array]:
-    """Return which constraints hold the motion, and their multipliers; none where they do not balance."""
+def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> Array:
+    """Return the multipliers with which constraints hold the motion; all 0 where they do not balance."""
     from scipy.optimize import nnls
 
     signs = [(j, sign) for j, own in enumerate(held) for sign in ((1.0, -1.0) if own.free else (1.0,))]
     lengths = np.linalg.norm(slopes, axis=1)
     signs = [(j, sign) for j, sign in signs if lengths[j] > DEFAULT.tie]
-    size = float(np.linalg.norm(gradient))
+    size, found = float(np.linalg.norm(gradient)), np.zeros(len(held))
     if not signs or not size > 0.0:
-        return np.empty(0, np.int64), np.empty(0)
+        return found
     columns = np.array([sign * slopes[j] / lengths[j] for j, sign in signs]).T
     shares, residual = nnls(columns, gradient / size)
-    if residual > (BALANCED if any(own.round for own in held) else DEFAULT.stationary):
-        return np.empty(0, np.int64), np.empty(0)
-    used = np.flatnonzero(shares > DEFAULT.stationary)
-    rows = np.array([signs[k][0] for k in used], np.int64)
-    return rows, np.array([size * shares[k] * signs[k][1] / lengths[signs[k][0]] for k in used])
+    if residual <= (BALANCED if any(own.round for own in held) else DEFAULT.stationary):
+        for (j, sign), share in zip(signs, shares.tolist(), strict=True):
+            found[j] += size * sign * share / lengths[j] if share > DEFAULT.stationary else 0.0
+    return found
 
 
 def _constraints(holding: Holding, *, limits: bool = True) -> Iterator[_Constraint | None]:
@@ -352,20 +346,14 @@ def _constraint(
     return _Constraint(slope[0, :count], bend[:, :count], slope[0, count:], bend[:, count:], tuple(features), **more)
 
 
-def _moves(
-    task: Task,
-    features: Sequence[FeaturePoints],
-    change: Change,
-    target: Array,
-    *,
-    still: bool = False,
-    turns: bool = False,
-) -> Array:
-    """Return how the data of a constraint change; `still`: not those of the other body; `turns`: how body 1 does."""
-    field, target = change.field, target + change.scales
-    moved = [field(0, task.movable.seed), np.zeros(3)]
-    for feature in features:
+def _moves(task: Task, own: _Constraint, change: Change, target: Array) -> Array:
+    """Return how the data of a constraint change, where the target pair does by `target`."""
+    if not own.features:
+        return np.zeros(0)
+    moved = [change.field(0, task.movable.seed), np.zeros(3)]
+    for feature in own.features:
         owned = zip(OWNERS[feature.kind], feature.points.T, strict=True)
-        moved += [np.zeros(3) if still and owner == 2 else field(owner, point) for owner, point in owned]
+        moved += [np.zeros(3) if own.keep_out and owner == 2 else change.field(owner, point) for owner, point in owned]
         moved.append(np.zeros(1))
-    return np.concatenate([*moved, target * [1.0, not still], change.turn if turns else []])
+    scales = (target + change.scales) * [1.0, not own.keep_out]
+    return np.concatenate([*moved, scales, change.turn if own.round else []])

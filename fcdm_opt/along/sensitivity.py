@@ -7,7 +7,7 @@ constraints are found from geometry (`holding`), so it does not matter which sta
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, product
@@ -210,24 +210,19 @@ def _ties(problem: Problem, task: Task, q: Array) -> list[tuple[float, Array]]:
     What is not found in `SECONDS` is taken for not there.
     """
     pacing.at("looking whether another motion is as small")
-    found = list[tuple[float, Array]]()
+    found, amount = list[tuple[float, Array]](), task.amount(q)
+    most = amount * (1.0 + DEFAULT.tied)
     with suppress(pacing.TimeOverError), pacing.within(SECONDS):
-        found.extend(_other_motions(problem, task, q))
+        for k, side in product(range(len(q)), (0, 1)):
+            limits = task.limits.copy()
+            limits[k, side] = q[k] + (1.0, -1.0)[side] * APART * amount / task.weights[k]
+            nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
+            if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > most):
+                continue
+            end = _least(problem, limits, most)
+            if end is not None and task.amount(end) <= most:
+                found.append((task.amount(end), end))
     return found
-
-
-def _other_motions(problem: Problem, task: Task, q: Array) -> Iterator[tuple[float, Array]]:
-    amount = task.amount(q)
-    for k, side in product(range(len(q)), (0, 1)):
-        limits = task.limits.copy()
-        step = APART * amount / task.weights[k]
-        limits[k, side] = q[k] + step if side == 0 else q[k] - step
-        nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
-        if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
-            continue
-        end = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
-        if end is not None and (other := task.amount(end)) <= amount * (1.0 + DEFAULT.tied):
-            yield other, end
 
 
 def _least(problem: Problem, limits: Array, most: float) -> Array | None:
@@ -375,16 +370,16 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
         moved, amounts, _ = motion_rates([Holding(task, q, task.limits) for task in tasks], changes)
     if not reasons and np.isnan(moved).any():
         reasons.append("other contacts hold the motion to either side, or more than are needed")
-    scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
-    each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
+    parts, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
+    (by_scale, by_size), (moved_by_scale, moved_by_size) = (np.split(x, [len(parts)]) for x in (amounts + 0.0, moved))
     return AssemblySensitivity(
         exists=not reasons,
         reasons=tuple(reasons),
         parameters=problems[0].motion.names,
-        scales={name: x + 0.0 for name, (x, _) in zip(scales, each[:rates], strict=True)},
-        sizes={name: x + 0.0 for name, (x, _) in zip(sizes, each[rates:], strict=True)},
-        motion_by_scale={name: frozen(own) for name, (_, own) in zip(scales, each[:rates], strict=True)},
-        motion_by_size={name: frozen(own) for name, (_, own) in zip(sizes, each[rates:], strict=True)},
+        scales=dict(zip(parts, by_scale.tolist(), strict=True)),
+        sizes=dict(zip(sizes, by_size.tolist(), strict=True)),
+        motion_by_scale=dict(zip(parts, map(frozen, moved_by_scale), strict=True)),
+        motion_by_size=dict(zip(sizes, map(frozen, moved_by_size), strict=True)),
     )
 
 

@@ -389,20 +389,15 @@ def _without(solution: Any, constraint: Constraint) -> Dropped:
     # the motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing
     problem, name, rate = solution.question, constraint.name, constraint.rate(solution.sensitivity)
     without_it = solve(without(problem, [name]), effort="quick")
+    row = Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
     if not (without_it.usable and without_it.amount < solution.amount * (1.0 - DEFAULT.tied)):
-        return Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
+        return row
     passed = excesses(problem, without_it)
     # without a keep-out its clearance is passed, too
     excess = max(passed[one.name] for one in constraints(problem) if name in (one.name, one.includes))
-    return Dropped(
-        name=name,
-        solution=without_it,
-        amount=without_it.amount,
-        saving=solution.amount - without_it.amount,
-        excess=excess,
-        rate=rate,
-        estimate=rate * excess if math.isfinite(excess) else math.nan,
-    )
+    estimate = rate * excess if math.isfinite(excess) else math.nan
+    saving = solution.amount - without_it.amount
+    return replace(row, amount=without_it.amount, saving=saving, excess=excess, estimate=estimate)
 
 
 def _other_goals(problem: Problem, least: float) -> Iterator[Dropped]:
