@@ -211,25 +211,18 @@ class Holding:
             point = scene.placed(vertex, pair[vertex], places[vertex], rho[vertex])
         terms = []
         for body, (part, k, weight) in enumerate(zip(pair, places, (-normal, normal), strict=True)):
-            drawn = self._drawn(scene, body, point, rho)
+            drawn = scene.drawn(body, point, rho[body])
             element = (whole.one, whole.two)[body] if whole else part.element_at(SITE_KINDS[kind][body], k, drawn)
             terms.append(Term(body, drawn, element, weight, float(rho[body]), whole is not None))
         return scene.rate(name, terms)
 
-    def _drawn(self, scene: MovedScene, body: int, place: Array, rho: Array) -> Array:
-        """Return where a point of body 1 or 2 is drawn that is at `place`, relative to s_2."""
-        if body == MOVABLE:
-            return scene.drawn(place, scene.pose, rho[0])
-        return np.asarray(self.task.static.seed + place / rho[1])
-
     def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
-        pose = self._pose_to(parts)
-        shifted = np.append(pose[:9], pose[9:] - way.gap * way.normal)
+        place = corner + obstacle.part.seed - task.static.seed - way.gap * way.normal  # of body 1's point
         flush = len(way.corners) > 1
         feature, scale = way.contact.feature, float(task.target[0])
-        first = Term(MOVABLE, self.end.drawn(corner, shifted, scale), feature.one, -way.normal, scale, flush)
+        first = Term(MOVABLE, self.end.drawn(MOVABLE, place, scale), feature.one, -way.normal, scale, flush)
         body = KEPT_OUT + obstacle.keep_out if obstacle.keep_out >= 0 else STATIC
         point = obstacle.part.seed + corner / obstacle.scale
         second = Term(body, point, feature.two, way.normal, obstacle.scale, flush)
@@ -505,10 +498,10 @@ class Holding:
         point, directions = _crossing(*edges), [edge[1] - edge[0] for edge in edges]
         place, other = scene.placed(body, pair[body], vertex, rho[body]), 1 - body
         shares = np.linalg.lstsq(np.column_stack(directions), place - point)[0]
-        elements = [part.element_at("E", (i, j)[k], self._drawn(scene, k, point, rho)) for k, part in enumerate(pair)]
+        elements = [part.element_at("E", (i, j)[k], scene.drawn(k, point, rho[k])) for k, part in enumerate(pair)]
         side = 1.0 if body == MOVABLE else -1.0  # the plane's points less the vertex, or the other way about
         terms = [
-            Term(k, self._drawn(scene, k, where, rho), element, factor * here.normal, float(rho[k]))
+            Term(k, scene.drawn(k, where, rho[k]), element, factor * here.normal, float(rho[k]))
             for k, where, factor, element in (
                 (body, place, -side, pair[body].elements["V"][vertex]),
                 (body, point + shares[body] * directions[body], side, elements[body]),
