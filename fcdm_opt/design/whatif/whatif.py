@@ -172,8 +172,7 @@ def _limits(before: Solution, new: Problem) -> Told:
         if held[0] == held[1]:
             yield from _freed(name, lower, ends - held[0])
             continue
-        for side, rate in enumerate((lower, upper)):
-            one, two = float(before.problem.limits[k, side]), float(new.limits[k, side])
+        for side, (rate, one, two) in enumerate(zip((lower, upper), held.tolist(), ends.tolist(), strict=True)):
             if one == two:
                 continue
             label, q = f"limits.{name} {('lower', 'upper')[side]}", before.parameters.get(name, NAN)
