@@ -318,8 +318,8 @@ class Holding:
     def facets_reached(self, parts: Parts, *, every: bool = False) -> tuple[Ints, Array, float]:
         """Return the sites and normals, (m, 3), of the facets along which a pair is farthest apart, and how far.
 
-        None where only cuts of the solids meet, which touch elsewhere or not at all, or, but for `every`, where a
-        contact is closed that is so in any case.
+        No facets where only cuts of the solids meet, which touch elsewhere or not at all; nor, but for `every`, where a
+        contact is closed in any case.
         """
         task, obstacle, (body, _) = self.task, self.task.obstacles[parts[1]], self.body_of(parts[1])
         sites, rows, separations = task.separations(parts, self.end.pose)
