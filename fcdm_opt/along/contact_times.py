@@ -273,16 +273,12 @@ def _of_true_faces(times: ContactTimes, within: Problem) -> ContactTimes:
     ends = {x for own in joined for x in (own.low, own.high)} - {*times.searched}
     inside = [(own.low, own.high) for own in joined if own.state == "overlapping"]
     touches = {own.x: own for own in times.touches if not any(low < own.x < high for low, high in inside)}
-    touches |= {x: _touch_between_facets(within, x, times) for x in ends - touches.keys()}
+    for x in ends - touches.keys():  # between facets: of parts that are exact there
+        q = x * times.direction
+        touches[x] = Touch(x, _features(exact_where(within, q, apart=0.0), q, times.pair), grazing=False)
     known, proved = () if found.complete else facet_errors_of(within.of_facets), times.proved and found.proved
     ordered = tuple(touches[x] for x in sorted(touches))
     return replace(times, spans=joined, touches=ordered, proved=proved, known_to=known)
-
-
-def _touch_between_facets(bodies: Problem, x: float, times: ContactTimes) -> Touch:
-    """Return the instant x at which true faces touch, with parts that are exact there."""
-    q = x * times.direction
-    return Touch(x, _features(exact_where(bodies, q, apart=0.0), q, times.pair), grazing=False)
 
 
 def _overlapping_any(each: Iterable[Sequence[StateSpan]]) -> tuple[StateSpan, ...]:

@@ -34,6 +34,7 @@ Parts = tuple[int, int]
 Site = tuple[int, int, int]
 UNTRACKED = 1000  # added to the number of a contact that gives none of the lines of the scale pair
 OPENS = "the flush contact opens"
+REACHES, NOT_SHARED = "the contact point reaches the", "nothing more is shared beyond the edge"
 NO_CONTACT = "at their nominal sizes the parts do not touch, so that there is no contact to follow"
 TOUCH_BETWEEN = "the parts touch on their true faces, and a range follows facets, which are apart there"
 KINDS = {
@@ -218,27 +219,37 @@ def _point_conditions(one: ConvexPart, two: ConvexPart, site: Site, normal: Arra
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     line, made = _supported(one, two, site, normal, k)
     kind, i, j = site
-    number, k = k % UNTRACKED, k if k < UNTRACKED else 0
-    if kind == V1F2:
-        for a, b in _sides(two.loops[j]):
-            out = _unit(np.cross(Y[b] - Y[a], two.normals[j]))
-            made.append((Conditions.of(forms.ALONG, k, v=X[i], w=Y[a], m=out), _border(two, 2, (a, b), number)))
-    elif kind == F1V2:
-        for a, b in _sides(one.loops[i]):
-            out = _unit(np.cross(X[b] - X[a], one.normals[i]))
-            inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a], w=Y[j], m=out, sign=-1.0)
-            made.append((inside, _border(one, 1, (a, b), number)))
-    else:
-        (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
-        e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
-        sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
-        for v, ahead in ((a, sign), (b, -sign)):
-            ends = Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead)
-            made.append((ends, _border(one, 1, (v,), number)))
-        for w, ahead in ((c, sign), (d, -sign)):
-            ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
-            made.append((ends, _border(two, 2, (w,), number)))
+    if kind != E1E2:
+        part, body, face, point = (two, 2, j, X[i]) if kind == V1F2 else (one, 1, i, Y[j])
+        corners = list(part.loops[face])
+        outward = outward_directions(part.vertices[corners], part.normals[face], along=False)
+        return line, made + _within(part, body, corners, outward, point, k, f"{REACHES} edge")
+    (a, b), (c, d) = one.edges[i, :2].tolist(), two.edges[j, :2].tolist()
+    e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
+    sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
+    for v, ahead in ((a, sign), (b, -sign)):
+        ends = Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead)
+        made.append((ends, _border(one, 1, (v,), k, f"{REACHES} vertex")))
+    for w, ahead in ((c, sign), (d, -sign)):
+        ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
+        made.append((ends, _border(two, 2, (w,), k, f"{REACHES} vertex")))
     return line, made
+
+
+def _within(
+    part: ConvexPart, body: int, corners: Sequence[int], outward: Array, points: Array, k: int, what: str
+) -> list[tuple[Conditions, Cause]]:
+    """Return that points of the other body, (3,) or one of (n, 3), stay within a face or an edge of a body's part."""
+    local, made = part.vertices - part.seed, []
+    normal = k if k < UNTRACKED else 0
+    for place, (corner, out) in enumerate(zip(corners, outward, strict=True)):
+        after = corners[(place + 1) % len(corners)]
+        if body == 1:
+            own = Conditions.of(forms.ALONG_TURNED, normal, v=local[after], w=points, m=out, sign=-1.0)
+        else:
+            own = Conditions.of(forms.ALONG, normal, v=points, w=local[after], m=out)
+        made.append((own, _border(part, body, (corner, after), k, what)))
+    return made
 
 
 def _supported(
@@ -308,29 +319,14 @@ def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: C
                 else Conditions.of(forms.ALONG, v=X[v], w=Y[other[0]], m=n)
             )
             made.append((aligned, Cause("opens", k % UNTRACKED, OPENS)))
-    number, k = k % UNTRACKED, k if k < UNTRACKED else 0
     if parallel:  # each edge stays on the other
         across = _unit(np.cross(n, Y[other[1]] - Y[other[0]]))
-        beside = Conditions.of(forms.ALONG, k, v=X[own[0]], w=Y[other[0]], m=across)
-        made.append((beside, Cause("opens", number, OPENS)))
-    corners, others = list(own), list(other)
-    for (a, b), way in zip(_sides(own), outward_directions(X[corners], n, parallel), strict=True):
-        inside = Conditions.of(forms.ALONG_TURNED, k, v=X[a if not parallel else _last(X, corners, way)],
-                               w=Y[others], m=way, sign=-1.0)  # fmt: skip
-        made.append((inside, _shared(one, 1, (a, b), number)))
-    for (a, b), way in zip(_sides(other), outward_directions(Y[others], n, parallel), strict=True):
-        inside = Conditions.of(forms.ALONG, k, v=X[corners],
-                               w=Y[a if not parallel else _last(Y, others, way)], m=way)  # fmt: skip
-        made.append((inside, _shared(two, 2, (a, b), number)))
+        beside = Conditions.of(forms.ALONG, k if k < UNTRACKED else 0, v=X[own[0]], w=Y[other[0]], m=across)
+        made.append((beside, Cause("opens", k % UNTRACKED, OPENS)))
+    mine, theirs = X[list(own)], Y[list(other)]
+    made += _within(one, 1, own, outward_directions(mine, n, parallel), theirs, k, NOT_SHARED)
+    made += _within(two, 2, other, outward_directions(theirs, n, parallel), mine, k, NOT_SHARED)
     return line, made
-
-
-def _last(points: Array, own: list[int], way: Array) -> int:
-    return own[int(np.argmax(points[own] @ way))]
-
-
-def _sides(loop: Sequence[int]) -> list[tuple[int, int]]:
-    return [(loop[k], loop[(k + 1) % len(loop)]) for k in range(len(loop))]
 
 
 def _neighbours(part: ConvexPart, vertex: int) -> list[tuple[int, int]]:
@@ -356,13 +352,8 @@ def _names(part: ConvexPart, vertices: Sequence[int]) -> str:
     return ",".join("V" + "/".join(map(str, part.elements["V"][v].vertices)) for v in vertices)
 
 
-def _border(part: ConvexPart, body: int, ends: Sequence[int], k: int) -> Cause:
-    where = "vertex" if len(ends) == 1 else "edge"
-    return Cause("border", k, f"the contact point reaches the {where} {_names(part, ends)} of body {body}")
-
-
-def _shared(part: ConvexPart, body: int, ends: Sequence[int], k: int) -> Cause:
-    return Cause("border", k, f"nothing more is shared beyond the edge {_names(part, ends)} of body {body}")
+def _border(part: ConvexPart, body: int, ends: Sequence[int], k: int, what: str) -> Cause:
+    return Cause("border", k % UNTRACKED, f"{what} {_names(part, ends)} of body {body}")
 
 
 def _neighbour(part: ConvexPart, body: int, vertex: int, k: int) -> Cause:

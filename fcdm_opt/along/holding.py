@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.along.round_contacts import RoundContact, round_contacts
 from fcdm_opt.along.variation import KEPT_OUT, MOVABLE, STATIC, Layout, MovedScene, Rate, Term
 from fcdm_opt.curve import kernels
-from fcdm_opt.curve.coherence import Tracked
+from fcdm_opt.curve.coherence import Tracked, heights_beyond
 from fcdm_opt.curve.contact import (
     SITE_KINDS,
     Contact,
@@ -33,7 +33,7 @@ from fcdm_opt.curve.contact import (
 )
 from fcdm_opt.curve.features import Feature, is_within
 from fcdm_opt.geometry.arrays import Array, Ints
-from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import BENT
 from fcdm_opt.geometry.patches import true_faces
@@ -65,9 +65,13 @@ class Holding:
 
     task: Task
     q: Array
-    layout: Layout
     limits: Array  # as the user has them; the task's own are zero for parameters that "seat" holds
     reasons: list[str] = field(default_factory=list)  # what could not be looked at
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Places of the data."""
+        return Layout.of(self.task)
 
     @property
     def slack(self) -> float:
@@ -101,13 +105,19 @@ class Holding:
 
     def _limits(self) -> Iterator[Rate]:
         """Yield the limits that are reached; parameters that cannot move push both ways."""
-        names = self.task.motion.names
-        for k, (low, high) in enumerate(self.task.limits):
-            for side, (limit, sign) in enumerate(((low, 1.0), (high, -1.0))):
+        names, limits = self.task.motion.names, self.task.limits
+        for k, side, held in self.limits_reached():
+            sign = (1.0, -1.0)[side]
+            rate = self.layout.rate(f"limit of {names[k]}", sign * np.eye(len(names))[k], free=held)
+            rate.data[self.layout.limits.start + 2 * k + side] = -sign * float(limits[k, side] == self.limits[k, side])
+            yield rate
+
+    def limits_reached(self) -> Iterator[tuple[int, int, bool]]:
+        """Yield the limits that are reached: of which parameter, 0 for the lower one, and whether both are equal."""
+        for k, (low, high) in enumerate(self.task.limits.tolist()):
+            for side, limit in enumerate((low, high)):
                 if abs(self.q[k] - limit) * self.task.weights[k] <= self.slack and not (side and low == high):
-                    rate = self.layout.rate(f"limit of {names[k]}", sign * np.eye(len(names))[k], free=low == high)
-                    rate.data[self.layout.limits.start + 2 * k + side] = -sign * float(limit == self.limits[k, side])
-                    yield rate
+                    yield k, side, low == high
 
     def _aligned(self) -> Iterator[Rate]:
         """Yield what keeps flush contacts aligned: on the whole way no tilt to first order, else at its end."""
@@ -134,12 +144,16 @@ class Holding:
             return
         rho, _, tracked = task.tracked_contact(self.q)
         lines, pair = self._lines(self.end, tracked, rho)
-        for k, sign in enumerate(task.signs):
-            if abs(rho[k] - task.target[k]) <= DEFAULT.active * task.target[k]:
-                rate = replace(self.layout.rate(f"rho_{k + 1} reaches its target"), scales=sign * np.eye(2)[k])
-                rate = rate.along(pair, lines)
-                rate.data[self.layout.target.start + k] -= sign
-                yield rate
+        for k, sign in self.scales_reached(rho):
+            rate = replace(self.layout.rate(f"rho_{k + 1} reaches its target"), scales=sign * np.eye(2)[k])
+            rate = rate.along(pair, lines)
+            rate.data[self.layout.target.start + k] -= sign
+            yield rate
+
+    def scales_reached(self, rho: Array) -> list[tuple[int, int]]:
+        """Return which scales of a tracked contact have just come beyond the target, and to which side."""
+        near = np.abs(rho - self.task.target) <= DEFAULT.active * self.task.target
+        return [(k, sign) for k, sign in enumerate(self.task.signs) if near[k]]
 
     def _fitted(self, rates: Sequence[Rate], gaps: Array) -> Iterator[Rate]:
         """Yield what holds a motion of which the largest gap is least: which contacts are closed, or as far open."""
@@ -197,29 +211,40 @@ class Holding:
             point = scene.placed(vertex, pair[vertex], places[vertex], rho[vertex])
         terms = []
         for body, (part, k, weight) in enumerate(zip(pair, places, (-normal, normal), strict=True)):
-            drawn = self._drawn(scene, body, point, rho)
+            drawn = scene.drawn(body, point, rho[body])
             element = (whole.one, whole.two)[body] if whole else part.element_at(SITE_KINDS[kind][body], k, drawn)
             terms.append(Term(body, drawn, element, weight, float(rho[body]), whole is not None))
         return scene.rate(name, terms)
 
-    def _drawn(self, scene: MovedScene, body: int, place: Array, rho: Array) -> Array:
-        """Return where a point of body 1 or 2 is drawn that is at `place`, relative to s_2."""
-        if body == MOVABLE:
-            return scene.drawn(place, scene.pose, rho[0])
-        return np.asarray(self.task.static.seed + place / rho[1])
-
     def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
-        pose = self._pose_to(parts)
-        shifted = np.append(pose[:9], pose[9:] - way.gap * way.normal)
+        place = corner + obstacle.part.seed - task.static.seed - way.gap * way.normal  # of body 1's point
         flush = len(way.corners) > 1
         feature, scale = way.contact.feature, float(task.target[0])
-        first = Term(MOVABLE, self.end.drawn(corner, shifted, scale), feature.one, -way.normal, scale, flush)
+        first = Term(MOVABLE, self.end.drawn(MOVABLE, place, scale), feature.one, -way.normal, scale, flush)
         body = KEPT_OUT + obstacle.keep_out if obstacle.keep_out >= 0 else STATIC
         point = obstacle.part.seed + corner / obstacle.scale
         second = Term(body, point, feature.two, way.normal, obstacle.scale, flush)
-        return [first, *(_swept(task, second, obstacle.part) if body >= KEPT_OUT else [second])]
+        return [first, *(self._swept(second, parts[1]) if body >= KEPT_OUT else [second])]
+
+    def _swept(self, term: Term, place: int) -> list[Term]:
+        """Return what carries a point of a keep-out: of one over a range of scales, vertices at both its ends."""
+        keep_out, (body, k) = self.task.keep_out[term.body - KEPT_OUT], self.body_of(place)
+        own = body.parts[k]
+        if own is self.task.obstacles[place].part:
+            return [term]
+        count = len(own.vertices)
+        arms = own.vertices - own.seed
+        ends = np.vstack([scale * arms for scale in keep_out.ends]) + own.seed
+        rows = np.array(term.element.vertices) - 1
+        shares = np.linalg.lstsq((ends[rows[1:]] - ends[rows[0]]).T, term.point - ends[rows[0]])[0]
+        flush = term.flush or len(rows) > 3
+        return [
+            Term(term.body, own.vertices[row % count], own.elements["V"][row % count], share * term.weight,
+                 keep_out.ends[row // count], flush)
+            for row, share in zip(rows.tolist(), np.append(1.0 - shares.sum(), shares), strict=True)
+        ]  # fmt: skip
 
     def _pose_to(self, parts: Parts) -> Array:
         """Return the pose at the end relative to an obstacle's own seed."""
@@ -237,8 +262,7 @@ class Holding:
         """Return what keeps pairs apart, and the pair that must touch."""
         task, ways = self.task, self._near_pairs()
         apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
-        closes = task.must_touch and not (task.joints or task.restored)
-        touching = [parts for parts in ways if task.obstacles[parts[1]].keep_out < 0] if closes else []
+        touching = [parts for parts in ways if task.obstacles[parts[1]].keep_out < 0] if self.closes else []
         groups = [own for parts, own in apart.items() if parts not in touching]
         closings: Alternatives = []
         for parts in touching:
@@ -246,6 +270,11 @@ class Holding:
             for chosen in product(self._closing(parts, ways[parts]), *others):
                 closings.append(tuple(rate for rates in chosen for rate in rates))
         return [*groups, closings] if closings else groups
+
+    @property
+    def closes(self) -> bool:
+        """Whether a part pair must touch, and it is not said which."""
+        return self.task.must_touch and not (self.task.joints or self.task.restored)
 
     def near_features(self) -> list[tuple[Parts, Feature]]:
         """Return the part pairs that are just as far apart as they must be, each with what of them meets there."""
@@ -274,26 +303,58 @@ class Holding:
 
     def _near_pairs(self, *, every: bool = False) -> dict[Parts, list[Facing]]:
         """Return the directions in which part pairs are just as far apart as they must be; `every`: of joints too."""
-        near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
-        near = near if every else self.task.beside_joints(near)
-        ways = {(i, j): self._ways((i, j), every=every) for i, j in np.argwhere(near).tolist()}
+        ways = {parts: self._ways(parts, every=every) for parts in self.pairs_reached(every=every)}
         known = dict[Any, tuple[Parts, list[Facing]]]()  # on a seam of a face pairs meet by the same elements
         for parts, found in self._on_round_faces({parts: found for parts, found in ways.items() if found}).items():
             own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
             known.setdefault((self.task.obstacles[parts[1]].keep_out, own), (parts, found))
         return dict(known.values())
 
+    def pairs_reached(self, *, every: bool = False) -> list[Parts]:
+        """Return the part pairs that are no farther apart than they must be; `every`: of joints too."""
+        near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
+        return [(i, j) for i, j in np.argwhere(near if every else self.task.beside_joints(near)).tolist()]
+
+    def facets_reached(self, parts: Parts, *, every: bool = False) -> tuple[Ints, Array, float]:
+        """Return the sites and normals, (m, 3), of the facets along which a pair is farthest apart, and how far.
+
+        No facets where only cuts of the solids meet, which touch elsewhere or not at all; nor, but for `every`, where a
+        contact is closed in any case.
+        """
+        task, obstacle, (body, _) = self.task, self.task.obstacles[parts[1]], self.body_of(parts[1])
+        sites, rows, separations = task.separations(parts, self.end.pose)
+        widest = float(separations.max())
+        # the widest first: along another one faces that are parallel but for their digits meet far aside of themselves
+        tight = np.argsort(-separations, kind="stable")[: int((separations >= widest - self.slack).sum())].tolist()
+        pair = (task.movable, task.movable.parts[parts[0]]), (body, obstacle.part)
+        own = [k for k in tight if is_own(*pair, sites[k])]
+        cut = not own and (widest <= self.slack or obstacle.need <= 0.0)
+        closed = not every and obstacle.keep_out < 0 and any(is_closed(task, parts, sites[k]) for k in own)
+        found = [] if cut or closed else own or tight
+        return sites[found], rows[found, :3], widest
+
+    def body_of(self, place: int) -> tuple[Body, int]:
+        """Return the body that an obstacle is a part of, the static one or a keep-out, and its number there."""
+        keep_out = self.task.obstacles[place].keep_out
+        if keep_out < 0:
+            return self.task.static, place
+        first = next(k for k, own in enumerate(self.task.obstacles) if own.keep_out == keep_out)
+        return self.task.keep_out[keep_out].body, place - first
+
+    def is_round(self, contact: RoundContact, parts: Parts, normals: Array) -> bool:
+        """Tell whether a part pair that meets in directions, (n, 3), does so in a contact of true faces."""
+        sites, _, separations = self.task.separations(parts, self.end.pose)
+        sites = sites[separations >= separations.max() - self.slack]
+        return self.task.obstacles[parts[1]].keep_out < 0 and contact.is_of(self.task, parts, sites, normals)
+
     def _on_round_faces(self, pairs: dict[Parts, list[Facing]]) -> dict[Parts, list[Facing]]:
         """Return the part pairs, of those that meet in one contact of true faces only the one that does so best."""
         for contact in self.round or ():
-            own = {}
-            for parts, found in pairs.items():
-                sites, _, separations = self.task.separations(parts, self.end.pose)
-                sites = sites[separations >= separations.max() - self.slack]
-                if self.task.obstacles[parts[1]].keep_out < 0 and contact.is_of(
-                    self.task, parts, sites, np.array([facing.normal for facing in found])
-                ):
-                    own[parts] = min(found, key=lambda facing: -float(facing.normal @ contact.frame[2]))
+            own = {
+                parts: max(found, key=lambda facing: float(facing.normal @ contact.frame[2]))
+                for parts, found in pairs.items()
+                if self.is_round(contact, parts, np.array([facing.normal for facing in found]))
+            }
             if own:
                 best = min(own, key=lambda parts: (abs(own[parts].gap), -float(own[parts].normal @ contact.frame[2])))
                 ends = np.array([end.points[1] for end in self.round or () if end.patches is contact.patches])
@@ -315,22 +376,14 @@ class Holding:
         """Return the directions in which a part pair is just as far apart as it must be."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
         (one, two, rho), pose = self._placed(parts), self._pose_to(parts)
-        sites, rows, separations = task.separations(parts, self.end.pose)
-        widest = float(separations.max())
-        # the widest first: along another one faces that are parallel but for their digits meet far aside of themselves
-        tight = np.argsort(-separations, kind="stable")[: int((separations >= widest - self.slack).sum())].tolist()
-        body = task.keep_out[obstacle.keep_out].body if obstacle.keep_out >= 0 else task.static
-        own = [k for k in tight if is_own((task.movable, one), (body, two), sites[k])]
-        if not own and (widest <= self.slack or obstacle.need <= 0.0):
-            return []  # only cuts of the solids meet, which touch elsewhere or not at all
-        if not every and obstacle.keep_out < 0 and any(is_closed(task, parts, sites[k]) for k in own):
-            return []  # by a contact that is closed in any case
+        sites, directions, widest = self.facets_reached(parts, every=every)
+        if not len(sites):
+            return []
         if obstacle.need > 0 and widest > 0:
             normals = [task.way_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
-            directions = rows[own or tight, :3]
             normals, gap = [*directions[distinct(directions)]], widest
         if abs(gap - max(obstacle.need, 0.0)) > self.slack:
             return []
@@ -379,24 +432,24 @@ class Holding:
     def _real(self, s: float, rho: Array, pose: Array, tracked: tuple[Tracked, ...]) -> list[Alternatives]:
         """Return what keeps the tracked contact real at one point of the way and may be active there."""
         task, slack = self.task, self.slack
-        found: list[tuple[Parts, list[tuple[Site, Array, float]]]] = []
+        found: list[tuple[Parts, list[tuple[Site, Array]], float]] = []
         own = {feature.parts for feature in tracked}
         for parts, sites, rows, separations in near_pairs(task.movable, task.static, pose, rho, slack, own):
             normals = [feature.normal for feature in tracked if feature.parts == parts]
             tight = [
-                ((int(sites[k, 0]), int(sites[k, 1]), int(sites[k, 2])), rows[k, :3])
+                (tuple(sites[k].tolist()), rows[k, :3])
                 for k in np.flatnonzero(np.abs(separations) <= slack)
                 if not any(rows[k, :3] @ n > 1.0 - DEFAULT.nominal for n in normals)
             ]
             if parts in own:
-                found += [(parts, [(site, normal, -1.0)]) for site, normal in tight]
+                found += [(parts, [one], -1.0) for one in tight]
             elif abs(separations.max()) <= slack and tight:
-                found.append((parts, [(site, normal, 1.0) for site, normal in tight]))
+                found.append((parts, tight, 1.0))
         level = [
             (own_feature, here, body, vertex)
             for k, (own_feature, here) in enumerate(zip(task.tracked, tracked, strict=True))
             if not (task.flush and task.flush[k]) and not task.seats
-            for body, vertex in self._level(own_feature, here, pose, rho)
+            for body, vertex in self._level(here, pose, rho)
         ]
         if not found and not level:
             return []
@@ -410,22 +463,20 @@ class Holding:
             return rate.along(pair, lines) if len(lines) == 2 else replace(self._at_target(rate), free=False)
 
         groups: list[Alternatives] = []
-        for parts, ways in found:
-            name = f"{task.named(parts)} stays {'apart' if ways[0][2] > 0 else 'in contact'} on the way"
-            rates = [self._site(scene, name, parts, site, normal, rho).times(side) for site, normal, side in ways]
+        for parts, tight, side in found:
+            name = f"{task.named(parts)} stays {'apart' if side > 0 else 'in contact'} on the way"
+            rates = (self._site(scene, name, parts, site, normal, rho).times(side) for site, normal in tight)
             groups.append([(on_the_way(rate),) for rate in rates])
         for feature, here, body, vertex in level:
             groups.append([(on_the_way(self._behind(scene, feature, here, body, vertex, rho)),)])
         return groups
 
-    def _level(self, feature: FeaturePoints, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
+    def _level(self, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:
         """Yield (body, vertex) for vertices that are level with a tracked feature and no corners of its elements."""
-        one, two = self.task.movable.parts[feature.parts[0]], self.task.static.parts[feature.parts[1]]
-        known = site_corners(one, two, feature.site)
-        inward = here.normal @ pose[:9].reshape(3, 3)
-        for body, part, way in ((MOVABLE, one, inward), (STATIC, two, -here.normal)):
-            heights = (part.vertices - part.seed) @ way - here.line[body]
-            for vertex in np.flatnonzero(np.abs(heights) * rho[body] <= self.slack).tolist():
+        bodies = self.task.movable, self.task.static
+        known = site_corners(bodies[0].parts[here.parts[0]], bodies[1].parts[here.parts[1]], here.site)
+        for body, heights in enumerate(heights_beyond(*bodies, pose, rho, here)):
+            for vertex in np.flatnonzero(np.abs(heights) <= self.slack).tolist():
                 if vertex not in known[body]:
                     yield body, vertex
 
@@ -447,10 +498,10 @@ class Holding:
         point, directions = _crossing(*edges), [edge[1] - edge[0] for edge in edges]
         place, other = scene.placed(body, pair[body], vertex, rho[body]), 1 - body
         shares = np.linalg.lstsq(np.column_stack(directions), place - point)[0]
-        elements = [part.element_at("E", (i, j)[k], self._drawn(scene, k, point, rho)) for k, part in enumerate(pair)]
+        elements = [part.element_at("E", (i, j)[k], scene.drawn(k, point, rho[k])) for k, part in enumerate(pair)]
         side = 1.0 if body == MOVABLE else -1.0  # the plane's points less the vertex, or the other way about
         terms = [
-            Term(k, self._drawn(scene, k, where, rho), element, factor * here.normal, float(rho[k]))
+            Term(k, scene.drawn(k, where, rho[k]), element, factor * here.normal, float(rho[k]))
             for k, where, factor, element in (
                 (body, place, -side, pair[body].elements["V"][vertex]),
                 (body, point + shares[body] * directions[body], side, elements[body]),
@@ -505,23 +556,3 @@ def _crossing(first: Array, second: Array) -> Array:
     u, w = first[1] - first[0], second[1] - second[0]
     shares = np.linalg.lstsq(np.column_stack([u, -w]), second[0] - first[0])[0]
     return np.asarray(first[0] + shares[0] * u)
-
-
-def _swept(task: Task, term: Term, part: ConvexPart) -> list[Term]:
-    """Return what carries a point of a keep-out: of one over a range of scales, vertices at both ends of the range."""
-    keep_out = task.keep_out[term.body - KEPT_OUT]
-    place = [obstacle for obstacle, _ in keep_out.obstacles].index(part)
-    own = keep_out.body.parts[place]
-    if own is part:
-        return [term]
-    count = len(own.vertices)
-    arms = own.vertices - own.seed
-    ends = np.vstack([scale * arms for scale in keep_out.ends]) + own.seed
-    rows = np.array(term.element.vertices) - 1
-    shares = np.linalg.lstsq((ends[rows[1:]] - ends[rows[0]]).T, term.point - ends[rows[0]])[0]
-    flush = term.flush or len(rows) > 3
-    return [
-        Term(term.body, own.vertices[row % count], own.elements["V"][row % count], share * term.weight,
-             keep_out.ends[row // count], flush)
-        for row, share in zip(rows.tolist(), np.append(1.0 - shares.sum(), shares), strict=True)
-    ]  # fmt: skip

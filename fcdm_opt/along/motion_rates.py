@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.along.holding import fit_rows, is_closed
-from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved, round_contacts
-from fcdm_opt.curve.contact import distinct, is_own
+from fcdm_opt.along.holding import Holding, Site, fit_rows
+from fcdm_opt.along.round_contacts import BALANCED, RoundContact, curved
+from fcdm_opt.curve.contact import Contact, distinct, supporting_contact
 from fcdm_opt.curve.kernels import F1V2, V1F2
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.model.equations import OWNERS, FeaturePoints, contact_line, feature_points, switching_point
@@ -91,31 +91,31 @@ class _Constraint(NamedTuple):
     features: tuple[FeaturePoints, ...]
     keep_out: bool = False  # the features are of body 1 and a keep-out, which stays as it is drawn
     free: bool = False  # pushes both ways
-    alone: int = -1  # number of a pair of parts of whose constraints one is to hold
+    alone: Any = None  # a pair of parts, or a contact of true faces, of whose constraints one is to hold
     round: bool = False  # of true faces, with how body 1 turns among its data
 
 
 def motion_rates(
-    tasks: Sequence[Task],
-    q: Array,
+    holdings: Sequence[Holding],
     changes: Sequence[Sequence[Change]],
     nominal: Sequence[FeaturePoints] = (),
     ratio: Array | None = None,
 ) -> Rates:
-    """Return how the least motion of tasks, (k,), changes as points move and sizes change.
+    """Return how a least motion, (k,), changes as points move and sizes change.
 
-    The tasks have the same parameters, weights and limits: one, or those of every two parts of an assembly. `changes`
-    are what is asked about: of each a change for every task. `nominal` are the features of one task that meet at the
-    nominal switching point, which takes the target pair along; none where it stays. `ratio`, (2,), is that of the
-    target pair to the nominal one.
+    `holdings` are of one task, or of every two parts of an assembly, with the same parameters, weights and limits.
+    `changes` are what is asked about: of each a change for every task. `nominal` are the features of one task that meet
+    at the nominal switching point, which takes the target pair along; none where it stays. `ratio`, (2,), is that of
+    the target pair to the nominal one.
 
     nan where there is no derivative: constraints that go with one side of the change only, and what no constraint here
     holds. Of the amount there is one where all multipliers that balance say the same.
     """
-    none, task = np.full(len(q), np.nan), tasks[0]
+    tasks, task, q = [own.task for own in holdings], holdings[0].task, holdings[0].q
+    none = np.full(len(q), np.nan)
     missing = (NOT_WORKED_OUT,) * len(changes)
     unknown = Rates(np.full((len(changes), len(q)), np.nan), np.full(len(changes), np.nan), missing)
-    known = [(k, own) for k, each in enumerate(tasks) for own in _constraints(each, q, limits=k == 0)]
+    known = [(k, own) for k, each in enumerate(holdings) for own in _constraints(each, limits=k == 0)]
     held, owners = [own for _, own in known if own is not None], [k for k, _ in known]
     if len(held) < len(known):
         return unknown
@@ -125,20 +125,19 @@ def motion_rates(
     both = given.derivatives(q) if given else np.column_stack([np.diag(weights**2), weights**2 * q])
     if task.weighted or given:
         free, columns = [j for j, own in enumerate(held) if own.free] if several else [], slopes / weights
-        kept = {free[j] for j in independent(columns[free])}  # those without multiplier too
+        kept = [free[j] for j in independent(columns[free])]  # those without multiplier too
         columns[[j for j in free if j not in kept]] = 0.0
-        used, multipliers = _multipliers(held, columns, both[:, -1] / weights)
-        if kept and (len(used) or not q.any()):
-            shares = dict(zip(used.tolist(), multipliers.tolist(), strict=True))
-            used = np.array(sorted(kept | shares.keys()), np.int64)
-            multipliers = np.array([shares.get(j, 0.0) for j in used.tolist()])
+        multipliers = _multipliers(held, columns, both[:, -1] / weights)
+        holds = multipliers != 0.0
+        if holds.any() or not q.any():
+            holds[kept] = True
     else:  # where constraints alone say what the motion is
-        used, multipliers = np.flatnonzero(slopes.any(axis=1)), np.zeros(len(held))
-    count = len(used)
-    pairs = [held[j].alone for j in used if held[j].alone >= 0]
+        multipliers, holds = np.zeros(len(held)), slopes.any(axis=1)
+    used, count = np.flatnonzero(holds), int(holds.sum())
+    pairs = [held[j].alone for j in used if held[j].alone is not None]
     if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not (task.weighted or given)):
         return unknown
-    bend = both[:, :-1] - sum(m * held[j].bend for j, m in zip(used, multipliers, strict=False))
+    bend = both[:, :-1] - sum(m * own.bend for m, own in zip(multipliers, held, strict=True) if m)
     system = np.block([[bend, -slopes[used].T], [slopes[used], np.zeros((count, count))]])
     across = np.linalg.svd(slopes[used] / weights)[2][count:] / weights  # what the constraints leave open
     sure = np.linalg.matrix_rank(slopes[used] / weights, DEFAULT.stationary) == count
@@ -147,20 +146,16 @@ def motion_rates(
     unit = 1.0 if given else task.amount(q) or np.nan
     start = [_constraint(task, task.rest, nominal, 1.0, row=k) for k in (0, 1)] if len(nominal) == 2 else []
     for change in changes:
-        drawn = [own.by_data @ _moves(task, nominal, Change(change[0].field), np.zeros(2)) for own in start]
+        drawn = [own.by_data @ _moves(task, own, Change(change[0].field), np.zeros(2)) for own in start]
         target = ratio * drawn if drawn and ratio is not None else np.zeros(2)
-        moves = [
-            _moves(tasks[k], own.features, change[k], target, still=own.keep_out, turns=own.round)
-            if own.features else np.zeros(0)
-            for k, own in zip(owners, held, strict=True)
-        ]  # fmt: skip
+        moves = [_moves(tasks[k], own, change[k], target) for k, own in zip(owners, held, strict=True)]
         off = np.array([own.by_data @ move for own, move in zip(held, moves, strict=True)])
         dq, why = none, "" if sure else NOT_WORKED_OUT
         if not np.isfinite(off).all():
             why = OTHER_CORNERS
         elif sure:
-            mixed = sum(m * held[j].mixed @ moves[j] for j, m in zip(used, multipliers, strict=False))
-            dq = np.linalg.solve(system, np.append(mixed, -off[used]))[: len(q)]
+            pulls = [m * own.mixed @ move for m, own, move in zip(multipliers, held, moves, strict=True) if m]
+            dq = np.linalg.solve(system, np.append(sum(pulls, np.zeros(len(q))), -off[used]))[: len(q)]
             left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
             near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
             dq, why = (dq, "") if np.abs(left).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
@@ -175,57 +170,50 @@ def _alike(held: Sequence[_Constraint], slopes: Array, off: Array, used: Ints, m
     from scipy.optimize import linprog
 
     still = ~slopes.any(axis=1)
-    value = float(multipliers @ off[used]) if multipliers.any() else np.nan
+    value = float(multipliers @ off) if multipliers.any() else np.nan
     near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
     if not np.isfinite(value) or not np.abs(off[still]).max(initial=0.0) <= near:
         return np.nan
     rows = np.flatnonzero(~still)
     signs = [(None if held[j].free else 0.0, None) for j in rows.tolist()]
     for side in (1.0, -1.0) if len(rows) > len(used) else ():
-        best = linprog(side * off[rows], A_eq=slopes[rows].T, b_eq=slopes[used].T @ multipliers, bounds=signs)
+        best = linprog(side * off[rows], A_eq=slopes[rows].T, b_eq=slopes.T @ multipliers, bounds=signs)
         if best.status != 0 or not abs(side * best.fun - value) <= near:
             return np.nan
     return value
 
 
-def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> tuple[Ints, Array]:
-    """Return which constraints hold the motion, and their multipliers; none where they do not balance."""
+def _multipliers(held: Sequence[_Constraint], slopes: Array, gradient: Array) -> Array:
+    """Return the multipliers with which constraints hold the motion; all 0 where they do not balance."""
     from scipy.optimize import nnls
 
     signs = [(j, sign) for j, own in enumerate(held) for sign in ((1.0, -1.0) if own.free else (1.0,))]
     lengths = np.linalg.norm(slopes, axis=1)
     signs = [(j, sign) for j, sign in signs if lengths[j] > DEFAULT.tie]
-    size = float(np.linalg.norm(gradient))
+    size, found = float(np.linalg.norm(gradient)), np.zeros(len(held))
     if not signs or not size > 0.0:
-        return np.empty(0, np.int64), np.empty(0)
+        return found
     columns = np.array([sign * slopes[j] / lengths[j] for j, sign in signs]).T
     shares, residual = nnls(columns, gradient / size)
-    if residual > (BALANCED if any(own.round for own in held) else DEFAULT.stationary):
-        return np.empty(0, np.int64), np.empty(0)
-    used = np.flatnonzero(shares > DEFAULT.stationary)
-    rows = np.array([signs[k][0] for k in used], np.int64)
-    return rows, np.array([size * shares[k] * signs[k][1] / lengths[signs[k][0]] for k in used])
+    if residual <= (BALANCED if any(own.round for own in held) else DEFAULT.stationary):
+        for (j, sign), share in zip(signs, shares.tolist(), strict=True):
+            found[j] += size * sign * share / lengths[j] if share > DEFAULT.stationary else 0.0
+    return found
 
 
-def _constraints(task: Task, q: Array, *, limits: bool = True) -> Iterator[_Constraint | None]:
+def _constraints(holding: Holding, *, limits: bool = True) -> Iterator[_Constraint | None]:
     """Yield what may hold a motion; None for what is not known here."""
-    count, target = len(q), task.target
-    slack = DEFAULT.active * task.size
-    for k, (low, high) in enumerate(task.limits if limits else ()):
-        for limit, sign in ((low, 1.0), (high, -1.0)):
-            if abs(q[k] - limit) * task.weights[k] <= slack and not (sign < 0.0 and low == high):
-                unit = sign * np.eye(count)[k]
-                still = np.zeros((count, count))
-                yield _Constraint(unit, still, np.zeros(0), np.zeros((count, 0)), (), free=low == high)
+    task, q = holding.task, holding.q
+    still = np.zeros((len(q), len(q)))
+    for k, side, held in holding.limits_reached() if limits else ():
+        yield _Constraint((1.0, -1.0)[side] * np.eye(len(q))[k], still, np.zeros(0), still[:, :0], (), free=held)
     if task.tracked and task.goal == "beyond":
-        rho = task.tracked_contact(q)[0]
-        for k, sign in enumerate(task.signs):
-            if abs(rho[k] - target[k]) <= DEFAULT.active * target[k]:
-                yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
+        for k, sign in holding.scales_reached(task.tracked_contact(q)[0]):
+            yield _constraint(task, q, task.tracked, float(sign), row=k) if len(task.tracked) == 2 else None
     elif task.goal == FIT:
         own = [_constraint(task, q, (feature,), 1.0) for feature in task.untracked]
         gaps, unit = task.line_gaps(q)[1], task.weights
-        for k, other, held in fit_rows(gaps, np.array([one.slope for one in own]) / unit, slack):
+        for k, other, held in fit_rows(gaps, np.array([one.slope for one in own]) / unit, holding.slack):
             pair = (task.untracked[k],) if other < 0 else (task.untracked[other], task.untracked[k])
             yield _constraint(task, q, pair, 1.0, row=-1, free=held)
     elif task.tracked or task.joints:
@@ -234,7 +222,7 @@ def _constraints(task: Task, q: Array, *, limits: bool = True) -> Iterator[_Cons
     if task.joints:
         yield from _aligned(task, q)
     if np.isfinite(task.needs).any():
-        for near in _pairs(task, q, slack):
+        for near in _pairs(holding):
             yield near._replace(free=True) if near is not None and task.restored and not near.keep_out else near
 
 
@@ -242,67 +230,64 @@ def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
     """Yield what keeps faces and edges flush that are restored together: all corners are as far off as their line."""
     rotation = task.pose(q)[:9].reshape(3, 3)
     for seat in task.seats:
-        kind, one, two = seat.site
         joint = next(own for own in task.joints if own.feature in (seat.feature, seat.touching))
         there = tuple(joint.sites[np.argmax(joint.normals @ seat.normal)].tolist())
         line = next(line for line in task.untracked if (line.parts, line.site) == (joint.parts, there))
-        corners = seat.contact.one if kind == V1F2 else seat.contact.two
-        for corner in corners:
-            site = (kind, corner, two) if kind == V1F2 else (kind, one, corner)
+        for site in _level(seat.site, seat.contact):
             own = feature_points(task.movable, task.static, site, seat.parts, seat.normal, rotation)
             yield _constraint(task, q, (own, line), 1.0, row=-1, free=True)
 
 
-def _pairs(task: Task, q: Array, slack: float) -> Iterator[_Constraint | None]:
+def _level(site: Sequence[int], met: Contact) -> list[Site]:
+    """Return the sites of a face and each vertex that lies on it, of a contact; of edges that cross the site itself."""
+    kind, one, two = site
+    if kind == V1F2:
+        return [(kind, vertex, two) for vertex in met.one]
+    return [(kind, one, vertex) for vertex in met.two] if kind == F1V2 else [(kind, one, two)]
+
+
+def _pairs(holding: Holding) -> Iterator[_Constraint | None]:
     """Yield what keeps pairs of parts apart, or brings one together."""
-    closes = task.must_touch and not (task.joints or task.restored) and task.gap(task.rest) > 0.0
-    rotation = task.pose(q)[:9].reshape(3, 3)
-    near = task.beside_joints(task.pair_gaps(q) - task.needs <= slack)
-    seen, meetings = set[tuple[Any, ...]](), round_contacts(task, q, slack) or []
-    for number, own in enumerate(meetings, len(task.movable.parts) * len(task.obstacles)):
-        yield from _round(task, q, own, -1.0 if closes else 1.0, number if closes else -1)
-    for number, (i, j) in enumerate(np.argwhere(near).tolist()):
-        obstacle, one = task.obstacles[j], task.movable.parts[i]
-        other, place = task.static, j
-        if obstacle.keep_out >= 0:  # the body of a keep-out, and the place among its parts
-            other = task.keep_out[obstacle.keep_out].body
-            place -= next(k for k, own in enumerate(task.obstacles) if own.keep_out == obstacle.keep_out)
-        sites, rows, separations = task.separations((i, j), task.pose(q))
-        widest = float(separations.max())
-        if widest > max(obstacle.need, 0.0) + slack:  # of pairs farther apart than others a lower bound was known
-            continue
-        tight = np.flatnonzero(separations >= widest - slack).tolist()
-        own_sites = [k for k in tight if is_own((task.movable, one), (other, obstacle.part), sites[k])]
-        if not own_sites and (widest <= slack or obstacle.need <= 0.0):
-            continue  # only cuts of the solids meet, which touch elsewhere or not at all
-        if other is task.static and any(is_closed(task, (i, j), sites[k]) for k in own_sites):
-            continue  # by a contact that is closed in any case
-        normals = rows[own_sites or tight, :3]
+    task, q = holding.task, holding.q
+    closes = holding.closes and task.gap(task.rest) > 0.0
+    rotation = holding.end.pose[:9].reshape(3, 3)
+    seen, meetings = set[tuple[Any, ...]](), holding.round or []
+    for number, own in enumerate(meetings):
+        yield from _round(task, q, own, -1.0 if closes else 1.0, number if closes else None)
+    for parts in holding.pairs_reached():
+        obstacle, (other, place) = task.obstacles[parts[1]], holding.body_of(parts[1])
+        sites, normals, widest = holding.facets_reached(parts)
         normals = normals[distinct(normals)]
-        if other is task.static and any(own.is_of(task, (i, j), sites[tight], normals) for own in meetings):
+        # of pairs farther apart than others a lower bound was known
+        if not len(sites) or widest > max(obstacle.need, 0.0) + holding.slack:
+            continue
+        if any(holding.is_round(own, parts, normals) for own in meetings):
             continue
         swept = obstacle.part is not other.parts[place] or (other is not task.static and task.motion.along_seeds.any())
-        if swept or len(normals) > 1 or widest < max(obstacle.need, 0.0) - slack:
+        if swept or len(normals) > 1 or widest < max(obstacle.need, 0.0) - holding.slack:
             yield None
             continue
         closing = closes and other is task.static
-        for site in dict.fromkeys(
-            own for k in own_sites or tight for own in _level(task, q, (i, j), tuple(map(int, sites[k])))
-        ):
-            feature = feature_points(task.movable, other, site, (i, place), normals[0], rotation)
+        met = supporting_contact(
+            task.movable.parts[parts[0]], obstacle.part, normals[0], holding.end.pose, DEFAULT.active
+        )
+        for site in dict.fromkeys(own for there in sites.tolist() for own in _level(there, met)):
+            feature = feature_points(task.movable, other, site, (parts[0], place), normals[0], rotation)
             scales = np.array([task.target[0], obstacle.scale])
             known = (feature.kind, *np.round(feature.points, DECIMALS).ravel().tolist())
             if known not in seen:  # of parts that have a corner of the solids in common
                 seen.add(known)
                 made = _constraint(
                     task, q, (feature,), -1.0 if closing else 1.0, at=(other.seed, scales),
-                    keep_out=other is not task.static, alone=number if closing else -1,
+                    keep_out=other is not task.static, alone=parts if closing else None,
                 )  # fmt: skip
                 if closing or np.abs(made.slope).max() > DEFAULT.tie:  # else no motion brings the two nearer
                     yield made
 
 
-def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int) -> Iterator[_Constraint | None]:
+def _round(
+    task: Task, q: Array, contact: RoundContact, sign: float, number: int | None
+) -> Iterator[_Constraint | None]:
     """Yield what keeps true faces apart that touch, or brings them together; None where it tilts a line not `held`.
 
     The gap is that of a point and a plane, but for the bends. How it changes where the point is another, or the plane
@@ -341,22 +326,6 @@ def _round(task: Task, q: Array, contact: RoundContact, sign: float, number: int
         yield _Constraint(zeros[0], zeros[1], own, zeros[2], points, round=True)
 
 
-def _level(task: Task, q: Array, parts: tuple[int, int], site: tuple[int, ...]) -> Iterator[tuple[int, int, int]]:
-    """Yield a site, and where it is of a face and a vertex those of the other vertices that are level with the face."""
-    kind, one, two = site
-    own, other = task.movable.parts[parts[0]], task.obstacles[parts[1]].part
-    rotation = task.pose(q)[:9].reshape(3, 3)
-    slack = DEFAULT.active * task.size
-    if kind == F1V2:
-        heights = other.vertices @ (rotation @ own.normals[one])
-        yield from ((kind, one, k) for k in np.flatnonzero(np.abs(heights - heights[two]) <= slack).tolist())
-    elif kind == V1F2:
-        heights = own.vertices @ (other.normals[two] @ rotation)
-        yield from ((kind, k, two) for k in np.flatnonzero(np.abs(heights - heights[one]) <= slack).tolist())
-    else:
-        yield kind, one, two
-
-
 def _constraint(
     task: Task,
     q: Array,
@@ -377,20 +346,14 @@ def _constraint(
     return _Constraint(slope[0, :count], bend[:, :count], slope[0, count:], bend[:, count:], tuple(features), **more)
 
 
-def _moves(
-    task: Task,
-    features: Sequence[FeaturePoints],
-    change: Change,
-    target: Array,
-    *,
-    still: bool = False,
-    turns: bool = False,
-) -> Array:
-    """Return how the data of a constraint change; `still`: not those of the other body; `turns`: how body 1 does."""
-    field, target = change.field, target + change.scales
-    moved = [field(0, task.movable.seed), np.zeros(3)]
-    for feature in features:
+def _moves(task: Task, own: _Constraint, change: Change, target: Array) -> Array:
+    """Return how the data of a constraint change, where the target pair does by `target`."""
+    if not own.features:
+        return np.zeros(0)
+    moved = [change.field(0, task.movable.seed), np.zeros(3)]
+    for feature in own.features:
         owned = zip(OWNERS[feature.kind], feature.points.T, strict=True)
-        moved += [np.zeros(3) if still and owner == 2 else field(owner, point) for owner, point in owned]
+        moved += [np.zeros(3) if own.keep_out and owner == 2 else change.field(owner, point) for owner, point in owned]
         moved.append(np.zeros(1))
-    return np.concatenate([*moved, target * [1.0, not still], change.turn if turns else []])
+    scales = (target + change.scales) * [1.0, not own.keep_out]
+    return np.concatenate([*moved, scales, change.turn if own.round else []])

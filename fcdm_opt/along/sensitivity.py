@@ -7,7 +7,7 @@ constraints are found from geometry (`holding`), so it does not matter which sta
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice, product
@@ -59,7 +59,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
         return _made(problem, task, q, _nothing(layout, 0.0), reasons)
     if _keeps_its_steps(problem, task, q):
         return _made(problem, task, q, _nothing(layout, 0.0), [])
-    holding = Holding(task, q, layout, problem.limits)
+    holding = Holding(task, q, problem.limits)
     balances = _balances(task, _pieces(holding), holding.groups())
     best = min(balances, key=lambda balance: balance.residual)
     near = BALANCED if holding.round else DEFAULT.stationary
@@ -80,7 +80,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     counted[layout.clearances] = [task.clearance > 0, *(own.clearance > 0 for own in task.keep_out)]  # else one-sided
     more = np.any([balance.open for balance in even], axis=0)
     for end in tied:  # the amount is the less of both
-        at = Holding(task, end, layout, problem.limits)
+        at = Holding(task, end, problem.limits)
         even += [own for own in _balances(task, _pieces(at), at.groups()) if own.residual <= near]
     other = np.any([balance.unlike(best) for balance in even], axis=0)
     if (more & counted).any():
@@ -210,24 +210,19 @@ def _ties(problem: Problem, task: Task, q: Array) -> list[tuple[float, Array]]:
     What is not found in `SECONDS` is taken for not there.
     """
     pacing.at("looking whether another motion is as small")
-    found = list[tuple[float, Array]]()
+    found, amount = list[tuple[float, Array]](), task.amount(q)
+    most = amount * (1.0 + DEFAULT.tied)
     with suppress(pacing.TimeOverError), pacing.within(SECONDS):
-        found.extend(_other_motions(problem, task, q))
+        for k, side in product(range(len(q)), (0, 1)):
+            limits = task.limits.copy()
+            limits[k, side] = q[k] + (1.0, -1.0)[side] * APART * amount / task.weights[k]
+            nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
+            if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > most):
+                continue
+            end = _least(problem, limits, most)
+            if end is not None and task.amount(end) <= most:
+                found.append((task.amount(end), end))
     return found
-
-
-def _other_motions(problem: Problem, task: Task, q: Array) -> Iterator[tuple[float, Array]]:
-    amount = task.amount(q)
-    for k, side in product(range(len(q)), (0, 1)):
-        limits = task.limits.copy()
-        step = APART * amount / task.weights[k]
-        limits[k, side] = q[k] + step if side == 0 else q[k] - step
-        nearest = max(limits[k, 0], -limits[k, 1], 0.0) * task.weights[k]
-        if limits[k, 0] > limits[k, 1] or (task.weighted and nearest > amount * (1.0 + DEFAULT.tied)):
-            continue
-        end = _least(problem, limits, amount * (1.0 + DEFAULT.tied))
-        if end is not None and (other := task.amount(end)) <= amount * (1.0 + DEFAULT.tied):
-            yield other, end
 
 
 def _least(problem: Problem, limits: Array, most: float) -> Array | None:
@@ -325,7 +320,9 @@ def _motions(problem: Problem, task: Task, q: Array | None) -> tuple[dict[str, A
         nominal = _nominal_features(problem, task) if problem.requirement else ()
         turns = [*np.zeros((3, 3)), *np.eye(3), *np.zeros((len(problem.sizes), 3))]
         changes = [[Change(own, turn=turn)] for own, turn in zip(fields, turns, strict=True)]
-        moved, amounts, missing = motion_rates([task], q, changes, nominal, problem.target / problem.nominal_pair)
+        moved, amounts, missing = motion_rates(
+            [Holding(task, q, problem.limits)], changes, nominal, problem.target / problem.nominal_pair
+        )
         if problem.exact_at is not None and problem.amount == "weighted":
             faces, seed = true_faces(problem.of_facets.movable), task.movable.seed
             still = [3 + k for k in range(3) if faces.of_revolution(seed, np.eye(3)[k]).all()]
@@ -370,19 +367,19 @@ def assembly_sensitivity(solution: AssemblySolution) -> AssemblySensitivity:
     elif assembly.resolution:
         reasons.append("the motion is rounded to steps of the machine: the amount changes in jumps")
     else:
-        moved, amounts, _ = motion_rates(tasks, q, changes)
+        moved, amounts, _ = motion_rates([Holding(task, q, task.limits) for task in tasks], changes)
     if not reasons and np.isnan(moved).any():
         reasons.append("other contacts hold the motion to either side, or more than are needed")
-    scales, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
-    each, rates = [*zip(amounts.tolist(), moved, strict=True)], len(scales)
+    parts, sizes = [*assembly.parts], [size.name for size in assembly.sizes]
+    (by_scale, by_size), (moved_by_scale, moved_by_size) = (np.split(x, [len(parts)]) for x in (amounts + 0.0, moved))
     return AssemblySensitivity(
         exists=not reasons,
         reasons=tuple(reasons),
         parameters=problems[0].motion.names,
-        scales={name: x + 0.0 for name, (x, _) in zip(scales, each[:rates], strict=True)},
-        sizes={name: x + 0.0 for name, (x, _) in zip(sizes, each[rates:], strict=True)},
-        motion_by_scale={name: frozen(own) for name, (_, own) in zip(scales, each[:rates], strict=True)},
-        motion_by_size={name: frozen(own) for name, (_, own) in zip(sizes, each[rates:], strict=True)},
+        scales=dict(zip(parts, by_scale.tolist(), strict=True)),
+        sizes=dict(zip(sizes, by_size.tolist(), strict=True)),
+        motion_by_scale=dict(zip(parts, map(frozen, moved_by_scale), strict=True)),
+        motion_by_size=dict(zip(sizes, map(frozen, moved_by_size), strict=True)),
     )
 
 
@@ -504,7 +501,7 @@ def _nominal_rates(problem: Problem, task: Task, reasons: list[str]) -> tuple[Ra
     assert isinstance(contact, SwitchingPoint)
     flush = tuple(piece.feature if piece.feature.is_flush else None for piece in contact.pieces)
     free = replace(task, goal="at", tracked=tracked, flush=flush, seats=(), untracked=())
-    holding = Holding(free, task.rest, Layout.of(task), problem.limits)
+    holding = Holding(free, task.rest, problem.limits)
     rates = holding.at_rest()
     reasons += holding.reasons
     return rates

@@ -184,9 +184,11 @@ class MovedScene:
         arms = scale * (part.vertices[vertices] - part.seed)
         return arms @ self.pose[:9].reshape(3, 3).T - self.pose[9:] if body == MOVABLE else arms
 
-    def drawn(self, place: Array, pose: Array, scale: float) -> Array:
-        """Return where a point of body 1 is drawn that is at `place`, relative to the seed that `pose` leads to."""
-        return np.asarray(self.task.movable.seed + (place + pose[9:]) @ pose[:9].reshape(3, 3) / scale)
+    def drawn(self, body: int, place: Array, scale: float) -> Array:
+        """Return where a point of body 1 or 2 is drawn that is at `place` at a scale, relative to s_2."""
+        if body == STATIC:
+            return np.asarray(self.task.static.seed + place / scale)
+        return np.asarray(self.task.movable.seed + (place + self.pose[9:]) @ self.pose[:9].reshape(3, 3) / scale)
 
     def rate(self, name: str, terms: Sequence[Term]) -> Rate:
         """Return the rate of a sum of weights . points."""

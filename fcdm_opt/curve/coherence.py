@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -132,14 +132,17 @@ def overlaps_between(
 
 
 def _unsupported(movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked, slack: float) -> list[Fault]:
-    one, two = movable.parts[feature.parts[0]], static.parts[feature.parts[1]]
-    n = feature.normal
-    own_n = n @ pose[:9].reshape(3, 3)
     faults = []
-    for body, part, direction, level in ((1, one, own_n, feature.line[0]), (2, two, -n, feature.line[1])):
-        heights = (part.vertices - part.seed) @ direction - level
+    for body, heights in enumerate(heights_beyond(movable, static, pose, rho, feature), 1):
         vertex = int(np.argmax(heights))
-        excess = float(heights[vertex] * rho[body - 1])
+        excess = float(heights[vertex])
         if not excess <= slack:
-            faults.append(Fault("unsupported", feature.parts, feature.site, n, excess, body, vertex))
+            faults.append(Fault("unsupported", feature.parts, feature.site, feature.normal, excess, body, vertex))
     return faults
+
+
+def heights_beyond(movable: Body, static: Body, pose: Array, rho: Array, feature: Tracked) -> Iterator[Array]:
+    """Yield how far the vertices of either part of a tracked feature reach beyond its plane at a scale pair, (n,)."""
+    n, parts = feature.normal, (movable.parts[feature.parts[0]], static.parts[feature.parts[1]])
+    for part, out, level, scale in zip(parts, (n @ pose[:9].reshape(3, 3), -n), feature.line, rho, strict=False):
+        yield ((part.vertices - part.seed) @ out - level) * scale

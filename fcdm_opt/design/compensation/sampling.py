@@ -14,7 +14,6 @@ import numpy as np
 
 from fcdm_opt import pacing
 from fcdm_opt.along.holding import Holding
-from fcdm_opt.along.variation import Layout
 from fcdm_opt.curve.features import Feature, is_within
 from fcdm_opt.design.sizes import box_over, chosen_sizes
 from fcdm_opt.errors import InputError, expected
@@ -242,7 +241,7 @@ def active_set(solution: Bounded) -> ActiveSet:
     kinked = scene.amount != "weighted"  # the weighted amount is known by its motion
     for pair, problem in scene.relations.items():
         head = "" if problem is scene else f"{' - '.join(pair)}: "
-        holding = Holding(task := Task.of(problem), q, Layout.of(task), problem.limits)
+        holding = Holding(task := Task.of(problem), q, problem.limits)
         known = problem.tracked_features if task.tracked or (task.joints and task.goal != FIT) else ()
         features += [f"{head}{label}" for label in _met(holding, known)]
         sides += [f"{head}{side}" for side in _side(task)] if kinked else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
@@ -23,8 +23,6 @@ from fcdm_opt.problem.scene import Scene
 from fcdm_opt.problem.schema import checked, read_entry
 from fcdm_opt.problem.solution import Effort
 from fcdm_opt.version import __version__
-
-Ask = Callable[[Question, Mapping[Variable, int]], Question]
 
 RESERVED = ("case", "draw", "number", "key")  # columns that every table of results may have
 MOST_POINTS = 10**12  # more than any run will see the end of
@@ -110,10 +108,10 @@ class Study:
 
     def __post_init__(self) -> None:
         self._check_arguments()
-        _check_keys(self.variables, self.derive)
+        _check_keys(self)
         self._check_draws()
         for base in self.questions:
-            _check_values(self.variables, self.derive, self.question_at, base)
+            _check_values(self, base)
 
     def _check_arguments(self) -> None:
         """Refuse arguments of the wrong kind, in the words of a study file; keep plain values."""
@@ -384,9 +382,9 @@ def _mesh_file(place: Place, value: Any) -> str | None:
 # ---------------------------------------------------------------------------------------------------- what is refused
 
 
-def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
+def _check_keys(study: Study) -> None:
     """Refuse keys and labels that are given twice, and keys of which one lies inside another."""
-    given = _places(variables, derived)
+    given = _places(study)
     for where, key in given:
         with placed(key=where):
             place = parse(key)
@@ -402,7 +400,7 @@ def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
             what = "a key is given twice" if first == second else "two keys say the same"
             raise InputError(what, key=two, found=f"{second}, and {first} in {one}", allowed="each key once")
     names: dict[str, str] = {}
-    for variable in variables:
+    for variable in study.variables:
         label, where = variable.label, f"{variable.where}.label"
         if label in RESERVED:
             raise InputError("this label has a meaning in tables", key=where, found=label, allowed="another label")
@@ -411,36 +409,32 @@ def _check_keys(variables: Sequence[Variable], derived: Iterable[str]) -> None:
             raise InputError(f"the label is that of {names[label]}", key=where, found=label, allowed=allowed)
 
 
-def _check_values(variables: Sequence[Variable], derived: Iterable[str], asked: Ask, base: Question) -> None:
-    """Refuse keys and listed values that make no question from `base`, whatever the others are.
-
-    `derived` are the keys that follow from parameters, `asked` gives the question where each variable takes its k-th
-    value.
-    """
-    first = dict.fromkeys(variables, 0)
+def _check_values(study: Study, base: Question) -> None:
+    """Refuse keys and listed values that make no question from `base`, whatever the others are."""
+    first = dict.fromkeys(study.variables, 0)
     try:
-        question = asked(base, first)
+        question = study.question_at(base, first)
         question.check()
         question.drawn()
     except InputError as reason:
-        raise _placed(reason, _places(variables, derived)) from reason
+        raise _placed(reason, _places(study)) from reason
     given = [key for key in ("target", "requirement", "tolerance") if key in question.case]
     if given[:1] == ["target"] and len(given) > 1:
         allowed = "target, or requirement and tolerance"
         raise InputError("these keys exclude each other", key="vary", found=" and ".join(given), allowed=allowed)
-    for variable in variables:
+    for variable in study.variables:
         for k in [] if variable.drawn else _telling(variable.values):
             try:
-                asked(base, {**first, variable: k}).check()
+                study.question_at(base, {**first, variable: k}).check()
             except InputError as reason:
                 if not _of_derivation(reason):
                     raise _wrong(reason, f"{variable.listed}[{k + 1}]") from reason
 
 
-def _places(variables: Sequence[Variable], derived: Iterable[str]) -> list[tuple[str, str]]:
+def _places(study: Study) -> list[tuple[str, str]]:
     """Return where each key is given, and the key."""
-    varied = [(variable.where, key) for variable in variables for key in variable.keys]
-    return varied + [(f"derive.'{key}'", key) for key in derived]
+    varied = [(variable.where, key) for variable in study.variables for key in variable.keys]
+    return varied + [(f"derive.'{key}'", key) for key in study.derive]
 
 
 def _placed(reason: InputError, places: list[tuple[str, str]]) -> InputError:

@@ -307,10 +307,6 @@ def budget(
         Whether to keep the shape of the problem's tolerance, where it has one for each body or side: tau is then the
         largest of its entries. Else, and without a tolerance, all are equal. Of sizes in the same way.
 
-    Returns
-    -------
-    Budgets
-
     Raises
     ------
     InputError

@@ -141,10 +141,6 @@ def compare(
     certify : bool
         Prove how small each family's motion can be at all.
 
-    Returns
-    -------
-    Comparison
-
     Raises
     ------
     InputError

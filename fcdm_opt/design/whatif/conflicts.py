@@ -135,10 +135,6 @@ def conflicts(
     time : float, optional
         Wall time in seconds after which all ends, with what is known so far, see `Conflicts.stopped`.
 
-    Returns
-    -------
-    Conflicts
-
     Raises
     ------
     InputError

@@ -19,7 +19,7 @@ from fcdm_opt.errors import InputError, known_arguments, known_word
 from fcdm_opt.geometry.units import measured, number_text
 from fcdm_opt.judge.certificate import verify
 from fcdm_opt.plain import Plain, plain
-from fcdm_opt.problem.assembled import AssemblySensitivity, AssemblySolution, kept_apart, kept_clear_by
+from fcdm_opt.problem.assembled import AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -30,9 +30,6 @@ from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT
 
 OUTWARD = (-1.0, 1.0)  # where a lower and an upper limit is widened to
-
-
-Rates = Sensitivity | AssemblySensitivity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +51,9 @@ class Constraint:
     outward: float = math.nan
     slack: float = 0.0  # by how much, in its unit, the judge lets it be passed
     kept_at_rest: bool = False  # whether it is a limit that no motion at all keeps
-    # returns what the amount falls by, to first order, per unit of relaxation, of a sensitivity; nan where unknown
-    rate: Callable[[Any], float] = lambda _: math.nan
+    # returns what the amount falls by, to first order, per unit of relaxation, of the sensitivity of two parts; nan
+    # where unknown
+    rate: Callable[[Sensitivity], float] = lambda _: math.nan
 
 
 def _limit(scene: Scene, coordinate: Coordinate, label: str, sides: tuple[int, ...]) -> Constraint:
@@ -68,9 +66,7 @@ def _limit(scene: Scene, coordinate: Coordinate, label: str, sides: tuple[int, .
             ends[side] = value + OUTWARD[side] * by
         return scene.with_limits(name, (ends[0], ends[1]))
 
-    def rate(sensitivity: Rates) -> float:  # equal limits are one datum, the lower
-        if isinstance(sensitivity, AssemblySensitivity):
-            return math.nan
+    def rate(sensitivity: Sensitivity) -> float:  # equal limits are one datum, the lower
         rates = sensitivity.limits[name]
         return abs(rates[0]) if held else -OUTWARD[sides[0]] * rates[sides[0]]
 
@@ -111,9 +107,7 @@ def _clearance(
         # what the judge could not find is infinitely bad
         return (0.0 if whole else value) - min(known.get(check, -math.inf) for check in names)
 
-    def rate(sensitivity: Rates) -> float:
-        if isinstance(sensitivity, AssemblySensitivity):
-            return math.nan
+    def rate(sensitivity: Sensitivity) -> float:
         if kept is not None:
             return sensitivity.keep_out[kept.name]
         return math.nan if whole else sensitivity.clearance
@@ -387,22 +381,18 @@ def drop(problem: Scene | Bounded) -> Costs:
 
 def _without(solution: Any, constraint: Constraint) -> Dropped:
     # the motion found with it does without it, too: where the solver finds none as small, dropping it saves nothing
-    problem, name, rate = solution.question, constraint.name, constraint.rate(solution.sensitivity)
+    problem, name = solution.question, constraint.name
+    rate = constraint.rate(solution.sensitivity) if isinstance(problem, Problem) else math.nan
     without_it = solve(without(problem, [name]), effort="quick")
+    row = Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
     if not (without_it.usable and without_it.amount < solution.amount * (1.0 - DEFAULT.tied)):
-        return Dropped(name=name, solution=without_it, amount=solution.amount, saving=0.0, excess=0.0, rate=rate)
+        return row
     passed = excesses(problem, without_it)
     # without a keep-out its clearance is passed, too
     excess = max(passed[one.name] for one in constraints(problem) if name in (one.name, one.includes))
-    return Dropped(
-        name=name,
-        solution=without_it,
-        amount=without_it.amount,
-        saving=solution.amount - without_it.amount,
-        excess=excess,
-        rate=rate,
-        estimate=rate * excess if math.isfinite(excess) else math.nan,
-    )
+    estimate = rate * excess if math.isfinite(excess) else math.nan
+    saving = solution.amount - without_it.amount
+    return replace(row, amount=without_it.amount, saving=saving, excess=excess, estimate=estimate)
 
 
 def _other_goals(problem: Problem, least: float) -> Iterator[Dropped]:

@@ -105,8 +105,8 @@ def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
             yield key, NAN, f"no derivative by {key} of an assembly"
     for key, known in (("scales", rates.scales), ("made", rates.sizes)):
         was, now = getattr(old, key), getattr(new, key)
-        for name in (name for name in known if name in now and was[name] != now[name]):
-            yield _told(f"{key}.{name}", [known[name]], [now[name] - was[name]])
+        for name in (name for name in known if name in now):
+            yield from _term(f"{key}.{name}", known[name], was[name], now[name])
 
 
 def _discrete(old: Problem, new: Problem) -> Told:
@@ -134,19 +134,15 @@ def _discrete(old: Problem, new: Problem) -> Told:
 def _changes(before: Solution, new: Problem) -> Told:
     old, rates = before.problem, before.sensitivity
     yield from _pair(old, new, rates)
-    if old.amount == "weighted" and (change := new.weights - old.weights).any():  # of the length as well
-        yield _told("weights", list(rates.weights.values()), change)
+    if old.amount == "weighted":  # of the length as well
+        yield from _term("weights", [*rates.weights.values()], old.weights, new.weights)
     yield from _limits(before, new)
-    if old.clearance != new.clearance:
-        yield _told("clearance", [rates.clearance], [new.clearance - old.clearance])
-    pairs = [(one.name, one.clearance, other.clearance) for one, other in zip(old.keep_out, new.keep_out, strict=True)]
-    for name, one, two in pairs:
-        if one != two:
-            yield _told(f"keep_out {name!r} clearance", [rates.keep_out[name]], [two - one])
+    yield from _term("clearance", rates.clearance, old.clearance, new.clearance)
+    for one, two in zip(old.keep_out, new.keep_out, strict=True):
+        yield from _term(f"keep_out {one.name!r} clearance", rates.keep_out[one.name], one.clearance, two.clearance)
     if old.exact_at is not None and all(same(old.drawn[role], new.drawn[role]) for role in old.drawn):
         for name, now in (new.made or {}).items():  # the points at which parts are exact go with the sizes
-            if now != (was := (old.made or {}).get(name, 0.0)):
-                yield _told(f"made.{name}", [rates.sizes[name]], [now - was])
+            yield from _term(f"made.{name}", rates.sizes.get(name, NAN), (old.made or {}).get(name, 0.0), now)
         return
     keys = ["P1", "P2", *(f"keep-out {kept.name!r} " for kept in old.keep_out)]
     bodies = [(problem.movable, problem.static, *(kept.body for kept in problem.keep_out)) for problem in (old, new)]
@@ -158,18 +154,16 @@ def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
     """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself."""
     # a nominal switching point that moves with the geometry is in the derivatives by the geometry
     if old.requirement is None or new.requirement is None:
-        if not np.array_equal(old.target, new.target):
-            yield _told("target", rates.target, new.target - old.target)
+        yield from _term("target", rates.target, old.target, new.target)
         return
-    if not np.array_equal(old.tolerance, new.tolerance):
-        yield _told("tolerance", rates.tolerance, np.subtract(new.tolerance, old.tolerance))
+    yield from _term("tolerance", rates.tolerance, old.tolerance, new.tolerance)
     if np.array_equal(old.nominal_pair, new.nominal_pair) or isinstance(new.nominal, int):
         return
     if old.goal in TRACKING and same(old.request["nominal"], new.request["nominal"]):
         if not isinstance(new.nominal_contact, SwitchingPoint):
             yield "nominal", NAN, "the nominal pair was closed to another point of the curve"
         return
-    yield _told("nominal", rates.nominal, new.nominal_pair - old.nominal_pair)
+    yield from _term("nominal", rates.nominal, old.nominal_pair, new.nominal_pair)
 
 
 def _limits(before: Solution, new: Problem) -> Told:
@@ -178,17 +172,15 @@ def _limits(before: Solution, new: Problem) -> Told:
         if held[0] == held[1]:
             yield from _freed(name, lower, ends - held[0])
             continue
-        for side, rate in enumerate((lower, upper)):
-            one, two = float(before.problem.limits[k, side]), float(new.limits[k, side])
+        for side, (rate, one, two) in enumerate(zip((lower, upper), held.tolist(), ends.tolist(), strict=True)):
             if one == two:
                 continue
             label, q = f"limits.{name} {('lower', 'upper')[side]}", before.parameters.get(name, NAN)
             beyond = (q - two) * new.weights[k] * (-1.0, 1.0)[side]
-            if np.isfinite(two - one):
-                term = _told(label, [rate], [two - one])
-                if rate == 0 and beyond > DEFAULT.active * new.size:
-                    term = (label, NAN, f"the motion before breaks the new limit of {name}, which did not hold it")
-                yield term
+            if np.isfinite(two - one) and rate == 0 and beyond > DEFAULT.active * new.size:
+                yield label, NAN, f"the motion before breaks the new limit of {name}, which did not hold it"
+            elif np.isfinite(two - one):
+                yield from _term(label, rate, one, two)
             elif np.isfinite(one) and rate != 0:
                 yield label, NAN, f"the limit of {name}, which holds the motion, is gone: no derivative by that"
             elif np.isfinite(two) and not beyond <= 0:
@@ -217,9 +209,7 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     if set(old.faces) != set(new.faces) or len(old.vertices) != len(new.vertices) or len(old.parts) != len(new.parts):
         yield f"{name} shape", NAN, f"{name} has other vertices, faces or parts: no derivative by that"
         return
-    seed = new.seed - old.seed
-    if seed.any():
-        yield _told(f"{name} seed", rates.seeds[name], seed)
+    yield from _term(f"{name} seed", rates.seeds[name], old.seed, new.seed)
     moves = new.vertices - old.vertices
     if not moves.any():
         return
@@ -228,12 +218,13 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     yield f"{name} {by}", change, reason if np.isnan(change) else ""
 
 
-def _told(name: str, rates: Any, changes: Any) -> tuple[str, float, str]:
-    """Return a term: derivatives times changes, of which those that are zero need no derivative."""
-    rates, changes = np.ravel(np.asarray(rates)), np.ravel(np.asarray(changes))
+def _term(name: str, rates: Any, old: Any, new: Any) -> Told:
+    """Yield derivatives times changes, of which those that are zero need no derivative; nothing where all are."""
+    changes = np.ravel(np.subtract(new, old))
     used = changes != 0
-    total = float(rates[used] @ changes[used])
-    return name, total, f"no derivative by {name} there" if np.isnan(total) else ""
+    if used.any():
+        total = float(np.ravel(rates)[used] @ changes[used])
+        yield name, total, f"no derivative by {name} there" if np.isnan(total) else ""
 
 
 def same(one: Any, two: Any) -> bool:
@@ -345,10 +336,6 @@ def whatif(problem: Scene | Bounded, other: Scene | None = None, /, **changes: A
     **changes
         Arguments of `Problem`, or of `Assembly`. A target drops requirement and tolerance, and these drop a target,
         unless given too; another motion drops `published`.
-
-    Returns
-    -------
-    WhatIf
 
     Raises
     ------
