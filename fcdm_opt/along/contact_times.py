@@ -302,8 +302,7 @@ def _features(problem: Problem, q: Array, pair: Array) -> tuple[Feature, ...]:
 
 def _times(problem: Problem, along: Array, pair: Array, limit: float | None, least: float) -> ContactTimes:
     """Return when two bodies touch, without keep-outs."""
-    problem, limit = _to_first_contacts(problem, along, pair, limit, least)
-    back, ahead = (_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0))
+    problem, (back, ahead) = _to_first_contacts(problem, along, pair, limit, least)
     spans = [StateSpan(state, -high, -low) for state, low, high in reversed(back.spans)]
     spans += [StateSpan(*own) for own in ahead.spans]
     touches = [Touch(0.0 - t.x, t.features, t.grazing) for t in reversed(back.touches)]
@@ -354,23 +353,24 @@ def _at_rest(problem: Problem, clearance: float, along: Array) -> ContactTimes:
 
 def _to_first_contacts(
     problem: Problem, along: Array, pair: Array, limit: float | None, least: float
-) -> tuple[Problem, float | None]:
-    """Return a question with the parts of large bodies that meet first active, and how far to look; others as is."""
+) -> tuple[Problem, list[_OneWay]]:
+    """Return what two bodies meet both ways along a ray, of large ones with the parts active that meet first."""
     if not problem.partial:
-        return problem, limit
+        return problem, [_OneWay(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     ends = [_span_of(problem, sign * along, pair, limit) for sign in (-1.0, 1.0)]
     moving = moving_at_most(problem, along, pair)
     x, unit = 0.0, FIRST / max(ray_of(problem, along).natural_step[1] / problem.size, 1.0 / max(ends))
-    while x < max(ends):
+    while True:
         before, x = x, min(max(WIDEN * x, unit), max(ends))
         for sign in (-1.0, 1.0):
             clear = before if math.isfinite(moving(0.0, x)[1]) else x
             while clear < x:
                 problem, clear = with_parts_met_along(problem, sign * along, moving, clear, x)
-        both = (_OneWay(problem, sign * along, pair, x) for sign in (-1.0, 1.0))
-        if x >= least and all(len(way.spans) > 1 or x >= end for way, end in zip(both, ends, strict=True)):
-            break
-    return problem, limit if x >= max(ends) else x
+        is_last = x >= max(ends)
+        both = [_OneWay(problem, sign * along, pair, limit if is_last else x) for sign in (-1.0, 1.0)]
+        met = (len(own.spans) > 1 or x >= end for own, end in zip(both, ends, strict=True))
+        if is_last or (x >= least and all(met)):
+            return problem, both
 
 
 def _of_solids(

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.geometry.units import NOISE, floored, measured, number_text, signed
 from fcdm_opt.problem.assembly import Assembly
 from fcdm_opt.problem.fit import LINE_TO_LINE, drawn_bodies, mending_turn, misfit, verdict
-from fcdm_opt.problem.solution import Solution, Status
+from fcdm_opt.problem.solution import UNLIMITED, Solution, Status
 
 if TYPE_CHECKING:
     from fcdm_opt.design.study.results import StudyResult
@@ -351,7 +351,8 @@ def _with_sizes(solution: Solution) -> str:
         cures = ["choose a smaller tolerance, or other sizes"]
     cure = ", or ".join(cures)
     late = "; there was no time to try which of these would do" * (unsure and not cures)
-    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or own[2] + late}.", solution.advice)
+    tried = "" if solution.stopped or unsure else UNLIMITED.get(solution.status, "").partition(": ")[2].rstrip(".")
+    return IMPOSSIBLE.sub(lambda own: f"{own[1]}: {cure or tried or own[2] + late}.", solution.advice)
 
 
 def kept_text(kept: Kept, unit: str) -> str:
@@ -366,16 +367,13 @@ def _changes(problem: Problem) -> list[str]:
         beyond_tolerance,
         mending_combination,
         mending_sizes,
-        rounded_on,
         widened_limits,
     )
 
     wider = list[str]()
-    for own, value in [] if misfit(problem) else widened_limits(problem):
-        held, beyond = math.isnan(own.outward), value - own.value
-        each, unit = (math.degrees(1.0), "deg") if own.unit == "radian" else (1.0, problem.unit)
-        rounded = rounded_on(each * value, math.copysign(1.0, beyond), each * max(abs(value), abs(beyond)))
-        wider.append(f"the {f'limits of {own.parameter}' if held else own.name} to {measured(number(rounded), unit)}")
+    for own, end in widened_limits(problem):
+        name = f"limits of {own.parameter}" if math.isnan(own.outward) else own.name
+        wider.append(f"the {name} to {measured(number(end), 'deg' if own.unit == 'radian' else problem.unit)}")
     sizes = {own.name: own for own in problem.sizes}
 
     def in_words(name: str, value: float) -> str:

@@ -37,6 +37,18 @@ def test_a_motion_of_more_than_half_a_part_is_said_to_be_large(apart: float, mov
     assert all("it may end on another side" in text and "of TX" in text for text in told)
 
 
+def test_wider_limits_were_advised_that_do_not_do() -> None:
+    """A square 2e-6 wider than its frame: it gets out of it by a shift of 17.0000015, which 17 does not allow."""
+    half, corner = 5.000001, 7.0 * 1.0000003
+    plug = fo.Body.convex([(*own, z) for z in (-1, 3) for own in ((1, 7), (-7, 1), (-1, -7), (7, -1))])
+    frame = fo.cut(fo.Box((24, 24, 2), centre=(0, 0, 1)), fo.Box((2 * half, 2 * half, 8)), name="frame")
+    motion = fo.Rotation("z") >> fo.Translation("x") >> fo.Translation("y")
+    limits = {"TX": (-0.5, 0.5), "TY": (-0.5, 0.5)}
+    asked = fo.Problem(plug, frame, motion=motion, limits=limits, goal="clear", target=(corner / 7.0, 1.0))
+    assert not (found := fo.solve(asked)).usable
+    assert advised(SolvedCase(found)) == "Choose another motion, a smaller tolerance or other sizes."
+
+
 def test_limits_that_are_there_are_not_advised() -> None:
     (told,) = remarks(shifted(0.3, limits={"TX": (-1.0, 1.0)}))
     assert "limits" not in told

@@ -246,13 +246,25 @@ def rounded_on(value: float, side: float, extent: float) -> float:
 
 
 def widened_limits(scene: Scene) -> list[tuple[Constraint, float]]:
-    """Return which limits the least motion without any of them passes, and where it ends; none without a motion."""
+    """Return which limits the least motion without any of them passes, and to where they are to be widened for one.
+
+    In lengths and degrees, to three digits with which a motion was found; none where that is found without limits only.
+    """
     limits = [own for own in constraints(scene) if own.parameter]
     found = usable_answer(without(scene, [own.name for own in limits])) if limits else None
     if found is None:
         return []
-    passed = [own for own in limits if own.excess(found, found.certificate) > own.slack]
-    return [(own, found.coordinates[own.parameter]) for own in passed]
+    wider = list[tuple[Constraint, float]]()
+    for own in limits:
+        if own.excess(found, found.certificate) <= own.slack:
+            continue
+        each = math.degrees(1.0) if own.unit == "radian" else 1.0
+        value = each * found.coordinates[own.parameter]
+        beyond = value - each * own.value
+        end = rounded_on(value, math.copysign(1.0, beyond), max(abs(value), abs(beyond)))
+        wider.append((own, end))
+        scene = own.changed(scene, abs(end / each - own.value))
+    return wider if wider and usable_answer(scene) is not None else []
 
 
 @lru_cache(maxsize=16)
