@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self, cast
 
@@ -59,9 +59,12 @@ TOUCHES = 1_000  # instants of touching on one side, at most
 class Touch(Plain):
     """An instant at which the pair touches."""
 
+    plain_names: ClassVar[tuple[str, ...]] = ("x", "features", "grazing")
+
     x: float
     features: tuple[Feature, ...]  # what touches
     grazing: bool  # whether the state is the same on both sides
+    problem: Problem | None = field(default=None, repr=False)  # whose elements these are, if not that of the times
 
 
 @dataclass(frozen=True)
@@ -275,7 +278,8 @@ def _of_true_faces(times: ContactTimes, within: Problem) -> ContactTimes:
     touches = {own.x: own for own in times.touches if not any(low < own.x < high for low, high in inside)}
     for x in ends - touches.keys():  # between facets: of parts that are exact there
         q = x * times.direction
-        touches[x] = Touch(x, _features(exact_where(within, q, apart=0.0), q, times.pair), grazing=False)
+        exact = exact_where(within, q, apart=0.0)
+        touches[x] = Touch(x, _features(exact, q, times.pair), grazing=False, problem=exact)
     known, proved = () if found.complete else facet_errors_of(within.of_facets), times.proved and found.proved
     ordered = tuple(touches[x] for x in sorted(touches))
     return replace(times, spans=joined, touches=ordered, proved=proved, known_to=known)

@@ -196,7 +196,9 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
         words = (*range_texts(coherent), *_doubts(coherent, problem)) if coherent else (no_contact_text(problem),)
         head, *ends = (f"range as of {known[words]}",) if coherent and words in known else words
         known.setdefault(words, problem.name)
-        at_contact = [f"at {_steps_text(asked, own.x)}, {contact_text(problem, own.features)}" for own in touches]
+        at_contact = [
+            f"at {_steps_text(asked, own.x)}, {contact_text(own.problem or problem, own.features)}" for own in touches
+        ]
         scales = " and ".join(f"{x:.{texts.PLACES}g}" for x in problem.target.tolist())
         resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
         states = _state_texts(times, f"the parts made{resized}, moved along this: ")
