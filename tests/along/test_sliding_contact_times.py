@@ -63,3 +63,17 @@ def test_seeds_in_the_plane_of_a_flange_hid_the_play_below_it(seed: Any) -> None
 def _turned(sign: int) -> list[list[float]]:
     """Return half a turn about x for -1, none for 1."""
     return [[1, 0, 0, 0], [0, sign, 0, 0], [0, 0, sign, 0], [0, 0, 0, 1]]
+
+
+def test_contacts_between_facets_are_of_bodies_that_are_exact_there() -> None:
+    """A block on both sides of a rod: the labels of what it meets were looked up in bodies that are exact elsewhere."""
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(np.pi / 24), -np.sin(np.pi / 24)], [np.sin(np.pi / 24), np.cos(np.pi / 24)]]
+    rod = fo.Cylinder(5.0, 20.0, facets=24, name="rod").moved(turn)
+    asked = fo.Problem(fo.Box((4, 4, 4), centre=(20, 0, 5)), rod, motion=fo.Translation("x"), goal="touch",
+                       target=(1.0, 1.0))  # fmt: skip
+    found = fo.contact_times(asked, {"TX": 1.0})
+    assert [touch.x for touch in found.touches] == pytest.approx([-27.0, -13.0])
+    for touch, place in zip(found.touches, (-5.0, 5.0), strict=True):
+        (label,) = touch.features[0].two.vertices
+        assert (touch.problem or found.problem).static.vertices[label - 1, 0] == pytest.approx(place)
