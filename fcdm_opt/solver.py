@@ -374,7 +374,8 @@ def _solved(problem: Problem, how: _How, answer: Answer | None = None) -> Soluti
     answer = answer or _least_motion(task, how.model)  # met already, linear, march, local, global: see `STAGES`
     watch.lap("solve")
     answer, evidence = _proved(problem, task, answer, how)
-    answer, evidence = _staying_in_fit(problem, task, answer, evidence, how)
+    with suppress(pacing.TimeOverError):
+        answer, evidence = _staying_in_fit(problem, task, answer, evidence, how)
     answer = balanced_on_true_faces(problem, task, answer, last=how.judge)
     answer = in_steps(task, answer, partial(_least_motion, model=how.model))
     stopped = pacing.stopped()

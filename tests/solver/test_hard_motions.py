@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from cases import box_shape, shape, union
 
+import fcdm_opt as fo
+from fcdm_opt import pacing
 from fcdm_opt.along.coherent_range import coherent_range
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
@@ -727,3 +729,16 @@ def test_most_degenerate_problems_are_questions_of_every_kind():
     problems = swept()
     assert {asked.goal for asked in problems} == set(GOALS)
     assert len({asked.motion for asked in problems}) == len(EVERY_MOTION)
+
+
+def test_time_that_ran_out_while_another_motion_was_looked_for_left_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether one stays in the fit was asked when there was no time to: the motion found before is the answer."""
+
+    def over(_: fo.Solution) -> bool:
+        raise pacing.TimeOverError
+
+    monkeypatch.setattr("fcdm_opt.solver.outside_fit", over)
+    beam, table = fo.Box((4, 1, 1), centre=(0, 0, 0.4)), fo.Box((4, 4, 1), centre=(0, 0, -0.5))
+    motion = fo.Rotation("y") >> fo.Translation("z")
+    found = fo.solve(fo.Problem(beam, table, motion=motion, goal="clear", target=(1, 1)), time=60.0)
+    assert found.parameters["TZ"] == pytest.approx(0.1)
