@@ -392,7 +392,7 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
         for column, size in enumerate(relation.sizes):
             if size.body != role:
                 continue
-            move = _move(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
+            move = move_of(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
             turned = np.linalg.matrix_rank(np.vstack([sides, sides @ size.directions()]), tol=DEFAULT.tie * body.size)
             if move is None or turned > len(sides):
                 what = "turns the faces of" if move is not None else "parts a corner of"
@@ -405,7 +405,7 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
     return found[0], found[1]
 
 
-def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
+def move_of(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
     """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
     if not size.is_length:
         return np.asarray((point - body.seed) @ size.directions())

@@ -11,6 +11,7 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
+from fcdm_opt.design.contact_gaps import relations_of
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.loops import FIT, Loop, assembly_loop, of_all_faces, pair_loop
 from fcdm_opt.design.stack.spread import (
@@ -547,14 +548,13 @@ def stack_up(
     expected(problem, (Problem, Assembly), "problem")
     keep_out = tuple(own.name for own in problem.keep_out)
     given = None if limits is None else interval(limits, "limits")
-    if isinstance(problem, Assembly):
-        if pose is not None:
-            raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")
+    if pose is not None and (of is not None or isinstance(problem, Assembly)):
+        what = "parts rest on each other: of an assembly, or between two faces"
+        raise InputError(what, key="pose", found=pose, allowed="as drawn")
+    if isinstance(problem, Assembly) or of is not None:
         loop = assembly_loop(problem, of)
-        least = -np.inf if loop.is_restored else problem.relations[loop.parts].clearance
+        least = -np.inf if loop.is_restored else relations_of(problem).get(loop.parts, problem).clearance
         return StackUp(loop.touching, given or (least, np.inf), problem.unit, loop, keep_out)
-    if of is not None:
-        raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
     at = rigid_transform(pose)
     found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
     rows = (found, None) if isinstance(found, TouchingSizes) else (found.touching, found)
