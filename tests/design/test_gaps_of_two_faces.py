@@ -127,8 +127,3 @@ def test_side_play_of_parts_with_no_contact_of_their_own() -> None:
     stack = fo.stack_up(apart, of=("+x", "-x"))  # of two bodies that touch nowhere, as drawn
     assert stack.worst().least == pytest.approx(0.25, **NEAR)
     assert fo.verify(stack).passed
-
-
-@pytest.mark.parametrize("scene", [of_two, of_parts])
-def test_the_command_line_asks_the_same(scene, tmp_path: Path) -> None:
-    from support.cli import run

@@ -106,7 +106,8 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
     sizes open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError`
     where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
-    gaps, base, slopes = _rows_of_motions(assembly)
+    faces = None if of is None else TwoFaces.of(assembly, of)
+    gaps, base, slopes = _rows_of_motions(assembly, needed=faces is None)
     fits, relations = _fits(gaps, base.normals), relations_of(assembly)
     weights = np.array([own.weight for own in assembly.coordinates])
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
@@ -120,7 +121,6 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
         motions = _closed(gaps, times * weights, np.flatnonzero(~own), base, slopes, fits)[0]
         return motions, base.values[own] + slopes[own] @ motions
 
-    faces = None if of is None else TwoFaces.of(assembly, of)
     if faces is not None:
         pair = faces.pair
         if not assembly.shifts:
@@ -212,11 +212,11 @@ def decisive(assembly: Assembly, places: Array) -> Array:
     return places[sorted({int(own[amounts[own].argmax()]) for own in near})]
 
 
-def _rows_of_motions(assembly: Assembly) -> tuple[ContactGaps, AffineGaps, Array]:
+def _rows_of_motions(assembly: Assembly | Problem, *, needed: bool = True) -> tuple[ContactGaps, AffineGaps, Array]:
     """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
     check_sizes(assembly.sizes)
     names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
-    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True), len(assembly.coordinates)
+    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True, needed=needed), len(assembly.coordinates)
     base = gaps.rows(gaps.transforms(np.zeros(count)))
     step = 1.0 if assembly.shifts else TURN  # of shifts all are exact
     return gaps, base, _derivative(lambda q: gaps.rows(gaps.transforms(q)).values[:, 0], np.zeros(count), step)
