@@ -394,7 +394,7 @@ def stack_command(
     draws: Annotated[int, option("--draws", "N", "Pairs of parts drawn for the yield.", min=1)] = 1_000_000,
     cost: Annotated[common.Texts, option("--cost", "SIZE=C", COST, check=_changes("SIZE=C as width=1"))] = None,
     share: Annotated[float | None, option("--share", "S", MUST_FIT, check=SHARE)] = None,
-    of: Annotated[common.Text, option("--of", "PART,PART", OF, check=common.two("parts, or faces"))] = None,
+    of: Annotated[common.Text, option("--of", "PART,PART", OF, check=common.two("parts"))] = None,
     contact: Annotated[int | None, option("--contact", "N", CONTACT, min=1)] = None,
     cut: Annotated[common.Text, option("--slice", "SIZE,SIZE", SLICE, check=common.two("sizes"))] = None,
     seed: common.Seed = 1,
@@ -417,7 +417,8 @@ def stack_command(
         extra("cvxpy", "allocation", key="--cost")  # refused before tables are printed
     if cut is not None and out is None:
         raise InputError("this is for pictures", key="--slice", found=name_list(cut), allowed="with --out")
-    named = {"--of": ("part", [own for own in of or () if ":" not in own]), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
+    parts = [own for own in of or () if ":" not in own]
+    named = {"--of": ("part", parts), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, named=named)
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.plain import plain

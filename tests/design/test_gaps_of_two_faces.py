@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from scenes import box
@@ -105,7 +104,8 @@ def test_a_shouldered_peg_has_a_gap_at_its_nose() -> None:
                   ((0, 0, 0), (3, 3, 2.5)))  # fmt: skip
     peg = blocks("peg", ((0.2, 0.2, 3), (2.8, 2.8, 8)), ((-2, -2, 8), (5, 5, 10)))
     nose, floor = {"through": (1.5, 1.5, 3)}, {"through": (1.5, 1.5, 2.5)}
-    own = [fo.Size("nose", "movable", faces=nose, tolerance=0.1), fo.Size("all", "movable", scale="xyz", tolerance=0.01),
+    own = [fo.Size("nose", "movable", faces=nose, tolerance=0.1),
+           fo.Size("all", "movable", scale="xyz", tolerance=0.01),
            fo.Size("floor", "static", faces=floor, tolerance=(0.0, 0.2))]  # fmt: skip
     stack = fo.stack_up(fo.Problem(peg, hole, sizes=own, motion=Z), of=(("peg", nose), ("hole", floor)))
     assert stack.rows[0].coefficients == pytest.approx({"nose": -1.0, "all": -5.0, "floor": -1.0}, **NEAR)

@@ -11,7 +11,6 @@ import numpy as np
 
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes
 from fcdm_opt.curve.true_sizes import widened
-from fcdm_opt.design.contact_gaps import relations_of
 from fcdm_opt.design.stack.allocation import Allocation, allocated
 from fcdm_opt.design.stack.loops import FIT, Loop, assembly_loop, of_all_faces, pair_loop
 from fcdm_opt.design.stack.spread import (
@@ -537,7 +536,9 @@ def stack_up(
         Of the movable body; default as drawn.
     of : (name, name), optional
         The two parts of an assembly; by default those of the only contact of goal "clear", or where there is none of
-        the only contact that sizes open.
+        the only contact that sizes open. Or two plane faces that face each other, as "part:face" or (part, face), of
+        two bodies "face" too, the movable one first; `face` as sizes name it. Motions, which only shift, then close all
+        contacts as drawn, those of the two parts too; the gap is along the faces' normal.
 
     Raises
     ------
@@ -553,7 +554,8 @@ def stack_up(
         raise InputError(what, key="pose", found=pose, allowed="as drawn")
     if isinstance(problem, Assembly) or of is not None:
         loop = assembly_loop(problem, of)
-        least = -np.inf if loop.is_restored else relations_of(problem).get(loop.parts, problem).clearance
+        relation = problem if isinstance(problem, Problem) else problem.relations[loop.parts]
+        least = -np.inf if loop.is_restored else relation.clearance
         return StackUp(loop.touching, given or (least, np.inf), problem.unit, loop, keep_out)
     at = rigid_transform(pose)
     found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,16 +50,15 @@ class TwoFaces(NamedTuple):
             if len(items := arguments.items(own)) == 2:
                 part, face = items
             chosen[parts.get(part, "")] = face
-        pair = next((ROLES if own == SCALES else own for own in relations if {*(own, ROLES)[own == SCALES]} == {*chosen}),
-                    None) if len(two) == 2 else None  # fmt: skip
+        named = {ROLES if own == SCALES else own: own for own in relations}
+        pair = next((own for own in named if len(two) == 2 and {*own} == {*chosen}), None)
         if pair is None:
-            known = " or ".join(" - ".join(ROLES if own == SCALES else own) for own in relations)
+            known = " or ".join(map(" - ".join, named))
             what = "not two faces of two parts that move against each other"
             raise InputError(what, key="of", found=asked, allowed=f"part:face,part:face of {known}")
-        relation = relations[SCALES if isinstance(scene, Problem) else pair]
-        bodies = relation.at_scales.values()
-        one, two_ = (_rows(body, chosen[part]) for body, part in zip(bodies, pair, strict=True))
-        return cls(SCALES if isinstance(scene, Problem) else pair, (one, two_))
+        bodies = relations[named[pair]].at_scales.values()
+        first, second = (_rows(body, chosen[part]) for body, part in zip(bodies, pair, strict=True))
+        return cls(named[pair], (first, second))
 
     def touching(self, relation: Problem, transform: Array, carried: Array, sizes: tuple[Size, ...]) -> TouchingSizes:
         """Return the row of their gap in all `sizes`, each of which moves body 1 besides, (k, 3), at its pose, (4, 4).
@@ -73,24 +71,25 @@ class TwoFaces(NamedTuple):
             every, at = body.face_planes
             normals.append(every[rows[0]])
             points.append(at[rows[0]])
-            facets = ((k, j) for k, owners in enumerate(body.facet_faces) for j, own in enumerate(owners) if rows[0] in own)
-            places.append(next(facets))
+            facets = ((k, j, own) for k, owners in enumerate(body.facet_faces) for j, own in enumerate(owners))
+            places.append(next((k, j) for k, j, own in facets if rows[0] in own))
             elements.append(Element("F", tuple(body.faces[rows[0]])))
         n, feature = R @ normals[0], Feature(*elements)
         if n @ normals[1] > DEFAULT.nominal - 1.0 or not self._overlap(bodies, transform, n):
-            told = feature.in_words(*bodies)
-            raise InputError("these faces do not face each other", key="of", found=told, allowed=ALLOWED)
-        gap, own = float(n @ (points[1] - R @ points[0] - t)), {size.name: size for size in relation.sizes}
+            text = feature.in_words(*bodies)
+            raise InputError("these faces do not face each other", key="of", found=text, allowed=ALLOWED)
+        gap, mine = float(n @ (points[1] - R @ points[0] - t)), {size.name: size for size in relation.sizes}
         rates = -carried @ n
         for column, name in enumerate(size.name for size in sizes):
-            if name not in own:
+            if name not in mine:
                 continue
-            side = ROLES.index(own[name].body)
-            across = own[name].directions() @ normals[side]
+            side = ROLES.index(mine[name].body)
+            across = mine[name].directions() @ normals[side]
             part, facet = places[side]
-            move = move_of(relation.request[ROLES[side]], part, own[name], self._drawn(relation, side), facet)
+            move = move_of(relation.request[ROLES[side]], part, mine[name], self._drawn(relation, side), facet)
             if move is None or np.linalg.norm(np.cross(across, normals[side])) > DEFAULT.nominal:
-                raise InputError(f"size '{name}' turns one of these faces", key="of", found=own[name].scale, allowed=ALLOWED)
+                what = f"size '{name}' turns one of these faces"
+                raise InputError(what, key="of", found=mine[name].scale, allowed=ALLOWED)
             rates[column] -= relation.target[side] * float(normals[side] @ move)
         pair = PairRows((places[0][0], places[1][0]), np.array([[gap, *rates]]), n[None], [], [feature])
         return TouchingSizes((bodies[0], bodies[1]), sizes, transform, (pair,), (np.inf, ""), as_drawn=True)
