@@ -127,7 +127,10 @@ MUST_FIT = "With --cost: share of pairs that must fit."
 LIMITS = "Least and largest gap that will do; default: the case's clearance and any."
 COST = "Find the cheapest tolerances: a half tolerance t of this size costs C / t; may be repeated."
 ENGINE = "joblib: processes of this machine; dask: workers of a cluster, --scheduler, or of one made here."
-OF = "Of an assembly: the two parts whose gap it is."
+OF = (
+    "Of an assembly: the two parts whose gap it is. Or two plane faces as PART:FACE, while all contacts stay closed: "
+    "clip:F5,base:F2; of two bodies F5,F2 too, the movable one first."
+)
 CONTACT = "Of one contact alone, by its number in the table of contacts."
 SLICE = "With --out: the two sizes of the slice."
 WINDOW = (
@@ -414,7 +417,8 @@ def stack_command(
         extra("cvxpy", "allocation", key="--cost")  # refused before tables are printed
     if cut is not None and out is None:
         raise InputError("this is for pictures", key="--slice", found=name_list(cut), allowed="with --out")
-    named = {"--of": ("part", of or ()), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
+    parts = [own for own in of or () if ":" not in own]
+    named = {"--of": ("part", parts), "--slice": ("size", cut or ()), "--cost": ("size", [*dict(cost or ())])}
     inquiry = Inquiry(files, case, as_json=as_json, out=out, dark=dark, named=named)
     from fcdm_opt.design.stack.stack_up import stack_up
     from fcdm_opt.plain import plain

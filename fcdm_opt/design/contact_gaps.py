@@ -106,14 +106,15 @@ class ContactGaps:
     """The contacts of a question as drawn, with all sizes that its parts may have.
 
     `relations` are the two parts each contact is of, in the parameters of all motions, and `names` those of the sizes:
-    scales of parts, or the question's own. Relative tolerances refer to the length `size`.
+    scales of parts, or the question's own. Relative tolerances refer to the length `size`. Where none are `needed`
+    parts may touch nowhere.
     """
 
     permanent: Mapping[tuple[int, int], Feature] = MappingProxyType({})  # all contacts count
     permanent_in_words = ()
     covers = True
 
-    def __init__(self, scene: Scene, sizes: Sizes, names: Sequence[str], *, own: bool) -> None:
+    def __init__(self, scene: Scene, sizes: Sizes, names: Sequence[str], *, own: bool, needed: bool = True) -> None:
         self.sizes, self.names, self.size, self.own = sizes, tuple(names), scene.size, own
         asked = {pair: own for pair, own in relations_of(scene).items() if pair == SCALES or own.goal != "clear"}
         self.relations = tuple(asked.values())
@@ -122,7 +123,7 @@ class ContactGaps:
         for k, relation in enumerate(self.relations):
             rounds = [*_round_lines(k, relation, own=own)]
             pairs, chosen = [_pairs_of(line.line) for line in rounds], set[int]()
-            task = Task.of(_restoring(relation, own=own, touching=bool(rounds)))
+            task = Task.of(_restoring(relation, own=own, touching=bool(rounds) or not needed))
             for joint in task.joints:
                 met = true_faces_met(joint.feature, task.movable, task.static) if rounds else ((), ())
                 mine = {n for n, own_pairs in enumerate(pairs) if own_pairs & {*product(*met)}}
@@ -134,7 +135,7 @@ class ContactGaps:
             every = not relation.contacts or len(relation.contacts) == len(relation.nominal_joints)
             self.lines += [line for n, line in enumerate(rounds) if n in chosen or every]
             self.tasks.append(task)
-        if not self.lines:
+        if needed and not self.lines:
             why = by_contacts(scene) or "contacts as drawn are looked at"
             what = f"{why}, and here are none of flat faces, or of round ones of solids cut into parts"
             allowed = "such parts: coarser meshes are cut"
@@ -392,7 +393,7 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
         for column, size in enumerate(relation.sizes):
             if size.body != role:
                 continue
-            move = _move(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
+            move = move_of(relation.request[role], _whole(body, line.parts[k]), size, points[0], facet)
             turned = np.linalg.matrix_rank(np.vstack([sides, sides @ size.directions()]), tol=DEFAULT.tie * body.size)
             if move is None or turned > len(sides):
                 what = "turns the faces of" if move is not None else "parts a corner of"
@@ -405,7 +406,7 @@ def _moves(relation: Problem, task: Task, line: FeaturePoints) -> tuple[Array, A
     return found[0], found[1]
 
 
-def _move(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
+def move_of(body: Body, part: int, size: Size, point: Array, facet: int | None) -> Array | None:
     """Return how a vertex of a part moves a unit of a size, or its facet; None where the vertex becomes several."""
     if not size.is_length:
         return np.asarray((point - body.seed) @ size.directions())

@@ -76,6 +76,7 @@ class GapClaims:
     others: Sequence[Check] = ()  # of what else is told
     # optional: the contact that the gap is of, its part pair, and its direction from body 1 to body 2; else all counted
     contact: tuple[Feature, tuple[int, int], Array] | None = None
+    faces: tuple[int, int] | None = None  # plane faces of both bodies, by number from 0, whose gap alone it is
     name: str = ""  # before those of the checks
     beside: Sequence[GapClaims] = ()  # of further contacts
 
@@ -155,13 +156,16 @@ class GapClaims:
     def _gaps(self, place: Array) -> tuple[float, float, float] | None:
         """Return the gap of the parts made: the distance, or minus depth, by coal, and the separation of vertices."""
         # of the pairs that are counted; the third is how far the others are from touching
-        if self.permanent_faces is not None:
+        if self.permanent_faces is not None and self.faces is None:
             gap = self._of_true_faces(place)
             return gap, gap, 0.0
         try:
             bodies, scales = made_at(self.bodies, self.sizes, place)
         except InputError:  # a face has vanished
             return None
+        if self.faces is not None:
+            gap = self._between(bodies, scales[0], self._pose(place), self.faces)
+            return gap, gap, 0.0
         pair, here = scaled_pair(*bodies), self._pose(place)[None]
         if self.contact is not None and any(body.is_surface for body in bodies):
             gap = self._along(bodies, scales[0], here[0])
@@ -183,6 +187,14 @@ class GapClaims:
             if (apart < distance or not along >= separation) and solids.has_gap((i, j), apart):
                 distance, separation = min(distance, apart), np.fmin(separation, along)
         return distance, float(separation), off
+
+    @staticmethod
+    def _between(bodies: tuple[Body, Body], scales: Array, pose: Array, rows: tuple[int, int]) -> float:
+        """Return how far two plane faces of bodies made are apart along their normal; nan where they do not look so."""
+        placed = bodies[0].scaled(scales[0]).moved(pose), bodies[1].scaled(scales[1])
+        planes = zip(placed, rows, strict=True)
+        (n, x), (other, y) = ((body.face_planes[0][row], body.face_planes[1][row]) for body, row in planes)
+        return float((y - x) @ n) if n @ other <= DEFAULT.nominal - 1.0 else np.nan
 
     def _of_true_faces(self, place: Array) -> float:
         assert self.least is not None

@@ -25,6 +25,7 @@ from fcdm_opt.curve.touching_sizes import ChangedShapeError, PairRows, TouchingS
 from fcdm_opt.curve.true_sizes import touching_true_faces
 from fcdm_opt.design.contact_gaps import AffineGaps, ContactGaps, by_contacts, range_of, relations_of
 from fcdm_opt.design.sizes import Sizes, tolerance_boxes
+from fcdm_opt.design.stack.two_faces import TwoFaces
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import Body
@@ -97,7 +98,7 @@ def pair_loop(problem: Problem, pose: Array) -> Loop:
     return Loop(touching, replace(claims[0], contact=None, permanent_faces=every), gaps.of_facets, tuple(claims))
 
 
-def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
+def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
     """Return the rows of the gap of two parts in all sizes, and what is told of the contacts that stay closed.
 
     The assembly has sizes, each with a tolerance; its parts count at the scales made. The gap is that of the two parts
@@ -105,7 +106,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     sizes open, and of all their faces; of contacts as drawn alone where `stack_up` looks at these. Raises `InputError`
     where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
-    gaps, base, slopes = _rows_of_motions(assembly)
+    faces = None if of is None else TwoFaces.of(assembly, of)
+    gaps, base, slopes = _rows_of_motions(assembly, needed=faces is None)
     fits, relations = _fits(gaps, base.normals), relations_of(assembly)
     weights = np.array([own.weight for own in assembly.coordinates])
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
@@ -119,7 +121,13 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
         motions = _closed(gaps, times * weights, np.flatnonzero(~own), base, slopes, fits)[0]
         return motions, base.values[own] + slopes[own] @ motions
 
-    if of is None:
+    if faces is not None:
+        pair = faces.pair
+        if not assembly.shifts:
+            what = "parts turn, and two faces by name have a gap along their normal"
+            raise InputError(what, key="of", found=of, allowed="motions that only shift, or two parts")
+    elif of is None:
+        assert isinstance(assembly, Assembly)
         meant, why = list(assembly.kept_clear), 'of these goal "clear" asks for one'
         if not meant:
             moved = (k for k in range(len(asked)) if np.abs(opened(k)[1][:, 1:]).max(initial=0.0) > DEFAULT.tie)
@@ -136,7 +144,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
             allowed = " or ".join(" - ".join(own) for own in relations)
             raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
         pair = named[0]
-    chosen = asked.index(pair) if pair in asked else -1
+    chosen = asked.index(pair) if pair in asked and faces is None else -1
     rows = np.array([k for k, line in enumerate(gaps.lines) if line.relation != chosen], np.int64)
     motions, closing = _closed(gaps, weights, rows, base, slopes, fits)
     relation, drawn = relations[pair], AffineGaps(base.values + slopes @ motions, base.normals)
@@ -154,7 +162,11 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     if assembly.shifts:
         directions = relation.motion.ways(relation.movable.seed, relation.static.seed)
         how = {"transform": claim.transform, "carried": motions[:, 1:].T @ directions}
-        found = of_all_faces(relation, claim.sizes, contacts, **how)
+        if faces is None:
+            found = of_all_faces(relation, claim.sizes, contacts, **how)
+        else:
+            found = faces.touching(relation, sizes=claim.sizes, **how)
+            claim = replace(claim, faces=(int(faces.rows[0][0]), int(faces.rows[1][0])))
         rates = np.vstack([own.normals for own in found.pairs]) @ directions.T
     elif contacts is not None:
         found, own = contacts(), np.flatnonzero([line.relation == chosen for line in gaps.lines])
@@ -180,7 +192,8 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     gap_off = np.abs(rates @ off).max(axis=0)
     free = (np.abs(off) > DEFAULT.nominal * np.abs(motions).max(axis=0))[:, gap_off > DEFAULT.nominal].any(axis=1)
     weighted = tuple(own.name for own, is_free in zip(assembly.coordinates, free.tolist(), strict=True) if is_free)
-    return Loop(touching, claim, of_facets, tuple(still), weighted, assembly.sizes, pair,
+    parts = ("", "") if isinstance(assembly, Problem) else pair
+    return Loop(touching, claim, of_facets, tuple(still), weighted, assembly.sizes, parts,
                 chosen >= 0, tuple(own for own in still if own.least != own.largest), second)  # fmt: skip
 
 
@@ -199,11 +212,11 @@ def decisive(assembly: Assembly, places: Array) -> Array:
     return places[sorted({int(own[amounts[own].argmax()]) for own in near})]
 
 
-def _rows_of_motions(assembly: Assembly) -> tuple[ContactGaps, AffineGaps, Array]:
+def _rows_of_motions(assembly: Assembly | Problem, *, needed: bool = True) -> tuple[ContactGaps, AffineGaps, Array]:
     """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
     check_sizes(assembly.sizes)
     names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
-    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True), len(assembly.coordinates)
+    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True, needed=needed), len(assembly.coordinates)
     base = gaps.rows(gaps.transforms(np.zeros(count)))
     step = 1.0 if assembly.shifts else TURN  # of shifts all are exact
     return gaps, base, _derivative(lambda q: gaps.rows(gaps.transforms(q)).values[:, 0], np.zeros(count), step)

@@ -536,7 +536,9 @@ def stack_up(
         Of the movable body; default as drawn.
     of : (name, name), optional
         The two parts of an assembly; by default those of the only contact of goal "clear", or where there is none of
-        the only contact that sizes open.
+        the only contact that sizes open. Or two plane faces that face each other, as "part:face" or (part, face), of
+        two bodies "face" too, the movable one first; `face` as sizes name it. Motions, which only shift, then close all
+        contacts as drawn, those of the two parts too; the gap is along the faces' normal.
 
     Raises
     ------
@@ -547,14 +549,14 @@ def stack_up(
     expected(problem, (Problem, Assembly), "problem")
     keep_out = tuple(own.name for own in problem.keep_out)
     given = None if limits is None else interval(limits, "limits")
-    if isinstance(problem, Assembly):
-        if pose is not None:
-            raise InputError("an assembly's parts rest on each other", key="pose", found=pose, allowed="as drawn")
+    if pose is not None and (of is not None or isinstance(problem, Assembly)):
+        what = "parts rest on each other: of an assembly, or between two faces"
+        raise InputError(what, key="pose", found=pose, allowed="as drawn")
+    if isinstance(problem, Assembly) or of is not None:
         loop = assembly_loop(problem, of)
-        least = -np.inf if loop.is_restored else problem.relations[loop.parts].clearance
+        relation = problem if isinstance(problem, Problem) else problem.relations[loop.parts]
+        least = -np.inf if loop.is_restored else relation.clearance
         return StackUp(loop.touching, given or (least, np.inf), problem.unit, loop, keep_out)
-    if of is not None:
-        raise InputError("two parts are named of an assembly", key="of", found=of, allowed="nothing, of two parts")
     at = rigid_transform(pose)
     found = of_all_faces(problem, problem.sizes, partial(pair_loop, problem, at), transform=at)
     rows = (found, None) if isinstance(found, TouchingSizes) else (found.touching, found)
