@@ -161,8 +161,10 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         ),
         (f"{one}, mean + 3 sigma", spread.high, stack.deciding_contact),
     ]
-    if stack.parts:
-        print_text(f"gap of {' and '.join(stack.parts)} at rest, all other contacts closed")
+    of_faces = stack.loop is not None and stack.loop.pair.faces is not None
+    if stack.parts or of_faces:
+        what, others = ((stack.deciding_contact,), "all") if of_faces else (stack.parts, "all other")
+        print_text(f"gap of {' and '.join(what)} at rest, {others} contacts closed")
     beyond = [not worst.least - noise <= gap <= worst.largest + noise for _, gap, _ in rows]
     print_rows([
         {"": what, "gap": signed(gap, least=noise) + " *" * past, "at": wrapped(at, LONGEST)}
