@@ -517,8 +517,8 @@ class _Versions(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version, then the index: what that names is there."""
-        said = repr((self._source_stamp, str(key[0]), *key[1:])).encode()
-        name = self._data_name_pattern.replace("{number:d}", hashlib.sha256(said).hexdigest()[:16])
+        identity = repr((self._source_stamp, str(key[0]), *key[1:])).encode()
+        name = self._data_name_pattern.replace("{number:d}", hashlib.sha256(identity).hexdigest()[:16])
         self._save_data(name, data)
         known = self._load_index()
         self._save_index({**known, key: name})
@@ -554,38 +554,38 @@ def stamp_of(function: Any) -> str:
     if known is None:
         _STAMPS[function] = ""  # where it calls itself
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        said = _read(function.__code__, function, cells)
+        parts = _read(function.__code__, function, cells)
         known = _STAMPS[function] = hashlib.sha256(
-            repr((KEPT_AS, _OPTIONS, _STEP, function.__defaults__, said)).encode()
+            repr((KEPT_AS, _OPTIONS, _STEP, function.__defaults__, parts)).encode()
         ).hexdigest()
     return known
 
 
 def _read(code: CodeType, function: Any, values: list[Any]) -> list[Any]:
     """Return what some code of a function says, but for its docstring and lines, and what stands behind its names."""
-    said: list[Any] = [code.co_code, code.co_names, code.co_argcount, code.co_varnames]
+    parts: list[Any] = [code.co_code, code.co_names, code.co_argcount, code.co_varnames]
     for k, constant in enumerate(code.co_consts):
         if isinstance(constant, CodeType):
-            said += _read(constant, function, [])
+            parts += _read(constant, function, [])
         elif k or constant != function.__doc__:
-            said.append(constant)
+            parts.append(constant)
     names = function.__globals__
     values += [names[name] for name in code.co_names if name in names]
     for value in values:
         if isinstance(value, _Compiled):
-            said.append(value.targetoptions)
+            parts.append(value.targetoptions)
             value = value.py_func
         if isinstance(value, FunctionType):
-            said.append(stamp_of(value))
+            parts.append(stamp_of(value))
         elif isinstance(value, np.ndarray):
-            said += [value.dtype.str, value.shape, value.tobytes()]
+            parts += [value.dtype.str, value.shape, value.tobytes()]
         elif isinstance(value, ModuleType | type):
-            said.append(value.__name__)
+            parts.append(value.__name__)
             if value.__name__.startswith("fcdm_opt."):  # what is taken from another module by its name
                 values += [vars(value)[name] for name in code.co_names if name in vars(value)]
         else:
-            said.append(value)
-    return said
+            parts.append(value)
+    return parts
 
 
 # ----------------------------------------------------------------------------------------------------- how far it is

@@ -313,7 +313,7 @@ class Holding:
     def pairs_reached(self, *, every: bool = False) -> list[Parts]:
         """Return the part pairs that are no farther apart than they must be; `every`: of joints too."""
         near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
-        return [(i, j) for i, j in np.argwhere(near if every else self.task.beside_joints(near)).tolist()]
+        return [(i, j) for i, j in np.argwhere(near if every else self.task.without_joints(near)).tolist()]
 
     def facets_reached(self, parts: Parts, *, every: bool = False) -> tuple[Ints, Array, float]:
         """Return the sites and normals, (m, 3), of the facets along which a pair is farthest apart, and how far.
@@ -380,7 +380,7 @@ class Holding:
         if not len(sites):
             return []
         if obstacle.need > 0 and widest > 0:
-            normals = [task.way_between(parts, self.q)]
+            normals = [task.direction_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:

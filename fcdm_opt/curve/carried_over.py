@@ -19,7 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.geometry.resizing import planes_made
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
@@ -225,7 +225,7 @@ class _PartsAlike:
 
     def refuse(self, element: Element) -> NoReturn:
         """Raise that an element of what touches as drawn is gone."""
-        text = told_element(self._bodies[0], element)
+        text = element_text(self._bodies[0], element)
         what = f"the body changes its shape at these sizes: what touches as drawn, {text}, is not there any more"
         allowed = "smaller deviations, or a question without contacts"
         raise InputError(what, key=f"body '{self._bodies[0].name}'", allowed=allowed)

@@ -95,7 +95,7 @@ class SwitchingPoint(Plain):
         Of the segments before and after it; of two contacts there where it is alone.
     lines : (2, 3) array
         Their contact lines.
-    contacts_beside : tuple of two Contact
+    adjacent_contacts : tuple of two Contact
         What touches along them.
     pieces : tuple of two Piece
         The pieces of the part pairs that meet.
@@ -113,7 +113,7 @@ class SwitchingPoint(Plain):
     rho: Array
     features: tuple[Feature, Feature]
     lines: Array
-    contacts_beside: tuple[Contact, Contact]
+    adjacent_contacts: tuple[Contact, Contact]
     pieces: tuple[Piece, Piece]
     bodies: tuple[Body, Body]
     pose: Array
@@ -146,7 +146,7 @@ class SwitchingPoint(Plain):
         if before.parts == after.parts and before.corner:
             known = [Meeting(before.parts, before.corner)]
         else:
-            sides = zip(self.pieces, self.contacts_beside, strict=True)
+            sides = zip(self.pieces, self.adjacent_contacts, strict=True)
             known = [Meeting(piece.parts, contact) for piece, contact in sides]
             merged = before.feature.merged(after.feature)
             one, two = (shared(self.bodies, self.pose, own, self.rho).mean(axis=0) for own in known)

@@ -190,13 +190,13 @@ class SceneTables:
 
     def to_dict(self, *, bare: bool = False) -> dict[str, Any]:
         """Return the plain data; `bare` without the unit of vertices, which is only shown."""
-        told = {place: dict(table.bare if bare else table.data) for place, table in self.tables.items()}
-        others = [told.pop(place) for place in self.tables if place.startswith("keep_out[")]
+        tables = {place: dict(table.bare if bare else table.data) for place, table in self.tables.items()}
+        others = [tables.pop(place) for place in self.tables if place.startswith("keep_out[")]
         more = {"keep_out": others} | ({"size": list(self.sizes)} if self.sizes else {})
         if not self.assembled:
-            return {"bodies": dict(zip(ROLES, told.values(), strict=True)), **more}
+            return {"bodies": dict(zip(ROLES, tables.values(), strict=True)), **more}
         rest = self.assembled["part"]
-        parts = [{**body, **rest[name]} for name, body in zip(rest, told.values(), strict=True)]
+        parts = [{**body, **rest[name]} for name, body in zip(rest, tables.values(), strict=True)]
         return {"part": parts, "contact": self.assembled["contact"], **more}
 
     @cached_property
@@ -240,9 +240,9 @@ class SceneTables:
     def kept(self) -> tuple[KeepOut, ...]:
         """The keep-outs themselves."""
         own = {place: table for place, table in self.tables.items() if place.startswith("keep_out[")}
-        told = [(body, own[place].data) for place, body in _each(own, lambda table: table.body).items()]
+        tables = [(body, own[place].data) for place, body in _each(own, lambda table: table.body).items()]
         return keep_outs(
-            [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in told]
+            [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in tables]
         )
 
     @cached_property
@@ -347,8 +347,8 @@ class Question:
             several = AssemblyFile.read(path)
             several.check(path)
             parts, kept = ([_given(own, path.parent) for own in each] for each in (several.part, several.keep_out))
-            told = {"contact": [*map(_given, several.contact)], "size": [*map(_given, several.size)]}
-            scene = SceneTables.of({"part": parts, "keep_out": kept, **told})
+            tables = {"contact": [*map(_given, several.contact)], "size": [*map(_given, several.size)]}
+            scene = SceneTables.of({"part": parts, "keep_out": kept, **tables})
             return tuple(cls(scene, _given(case)) for case in several.case)
         file = ProblemFile.read(path)
         cases = file.named_cases(path).values()

@@ -24,7 +24,7 @@ from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, counted, known_word
 from fcdm_opt.geometry.arrays import Array, groups_of
-from fcdm_opt.geometry.bodies import Body, told_solids
+from fcdm_opt.geometry.bodies import Body, solids_notes
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
@@ -234,7 +234,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation) and not _amid_play(situation):
         found.append(f"the parts nearly touch ({signed(situation.gap, 3)} {unit}). {_remedy(situation, unit)}")
-    return [*found, *told_solids((one, two))]
+    return [*found, *solids_notes((one, two))]
 
 
 def nearly(situation: Situation) -> bool:
@@ -461,8 +461,8 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     for name in [own for own in round_ones if own not in following][:most]:
         kind, _, radius, *number = name.split()
         width = 2.0 * float(radius)
-        called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))
-        offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, told)
+        called = " ".join((kind, (diameter := f"diameter {width:.6g}"), *number))
+        offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, diameter)
     plain = np.array([k for k, name in enumerate(names) if " radius " not in name], np.int64)
     plain = plain if len(plain) <= MOST_FACES else plain[:0]
     turned = np.abs(normals[plain] - normals[plain, None]).max(axis=2)
@@ -596,7 +596,7 @@ def quoted(path: str | Path) -> str:
 
 def short(features: Sequence[Feature], bodies: tuple[Body, Body]) -> str:
     """Return the labels of contacts of two bodies, the first ones where all are very long: "... and 3 more"."""
-    return _listed([own.told(*bodies) for own in features], " and ", LONGEST)
+    return _listed([own.described(*bodies) for own in features], " and ", LONGEST)
 
 
 def _listed(names: Sequence[str], between: str = ", ", longest: int = SHORT_LIST) -> str:

@@ -37,7 +37,7 @@ from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import largest_ball, volume_and_centroid
 from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
-from fcdm_opt.geometry.packing import packed, packed_together
+from fcdm_opt.geometry.packing import packed, packed_in_one
 from fcdm_opt.geometry.polygons import clipped, fans, normals_of, uncovered
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
@@ -468,9 +468,9 @@ class Body(_Sealed, NotebookRepr):
             except InputError:
                 made = []
             if not made or any(own.is_surface for own in made):
-                several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
-                told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
-                raise told.within(file=path) from reason.__cause__
+                several = next((f"; {text}" for text in read.remarks if SEVERAL in text), "")
+                error = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
+                raise error.within(file=path) from reason.__cause__
             body = cls._side_by_side(made, seed, own_name)
             return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks), unit=unit)
         out, short = body.deviation
@@ -515,8 +515,8 @@ class Body(_Sealed, NotebookRepr):
         pacing.at(f"joining {len(parts)} convex parts of the solids in {name}")
         body = cls.from_parts(parts, seed=seed, name=name)
         off = np.max([own.deviation for own in solids], axis=0)
-        told = f"{len(parts)} parts of {', '.join(own.name for own in solids)}: {note}"
-        return replace(body, deviation=_deviation(off, name), notes=(told,))
+        text = f"{len(parts)} parts of {', '.join(own.name for own in solids)}: {note}"
+        return replace(body, deviation=_deviation(off, name), notes=(text,))
 
     @classmethod
     def _made(
@@ -711,8 +711,8 @@ class Body(_Sealed, NotebookRepr):
 
     @cached_property
     def packed(self) -> tuple[Array, Ints, Ints]:
-        """Arrays of all parts that the kernels take, see `packing.packed_together`."""
-        return packed_together(self.parts)
+        """Arrays of all parts that the kernels take, see `packing.packed_in_one`."""
+        return packed_in_one(self.parts)
 
     def with_triangles(self, triangles: tuple[tuple[tuple[int, ...], ...], ...]) -> Body:
         """Return the same body with the triangles of its faces known, rows of `vertices`: parts lie on these faces."""
@@ -946,7 +946,7 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def told_solids(bodies: Iterable[Body]) -> list[str]:
+def solids_notes(bodies: Iterable[Body]) -> list[str]:
     """Return for each body that is several solids how many these are, and how to have one of a file alone."""
     return [f"{body.name}: {note}" for body in bodies for note in body.notes if SEVERAL in note]
 

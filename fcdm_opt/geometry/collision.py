@@ -146,7 +146,7 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
 
-    def both_ways(self, pairs: ArrayLike, transforms: Array) -> tuple[Array, Array]:
+    def distances_and_separations(self, pairs: ArrayLike, transforms: Array) -> tuple[Array, Array]:
         """Return `signed_distances` and `least_separations`, (k,) each; arguments as there."""
         frames = self._framed(pairs, transforms)
         unit = frames[:, judging.UNIT]

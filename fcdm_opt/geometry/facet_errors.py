@@ -268,8 +268,8 @@ def _bent(
     turns = ((looks[two] - looks[one]) * way).sum(axis=1)
     bent = ((bulges[0] - bulges[1]) / (depth * (1.0 - share))).reshape(2, -1)
     halved = np.bincount(one, minlength=count) == 1  # at the ends of a face half of the turn is seen
-    told = ~halved[one].reshape(2, -1)
-    off = np.abs((bent * told).sum(axis=0) / np.maximum(told.sum(axis=0), 1) - turns[: len(pairs)])
+    counted = ~halved[one].reshape(2, -1)
+    off = np.abs((bent * counted).sum(axis=0) / np.maximum(counted.sum(axis=0), 1) - turns[: len(pairs)])
     largest = np.zeros(count)
     np.maximum.at(largest, one, np.abs(turns))
     usual = largest[pairs].max(axis=1)
@@ -485,9 +485,9 @@ def known_to(bodies: Sequence[Body], unit: str) -> list[str]:
             coarse = body.rounding > DEFAULT.drawn * body.size
             reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
             reasons.setdefault(reason, []).append(body.name)
-    told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
+    text = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(off, unit, 2)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
-    off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"
+    off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {text} only come near them"
     return ["; ".join(filter(None, (off, rounding_line(bodies))))]
 
 
@@ -507,5 +507,5 @@ def may_be_rounded(body: Body) -> bool:
 
 def all_recognised(body: Body) -> bool:
     """Tell whether all faces that are off the solid stand for round faces that are told, see `round_surfaces`."""
-    errors, told = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
-    return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= told
+    errors, known = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
+    return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= known

@@ -244,8 +244,8 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     if len(found) < 2:
         return drawn, (), ()
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
-    told = f"{len(found)} solids in the file{SEVERAL}: {known}; one alone is '{path.name}#{first}'"
-    return drawn, tuple(found), (told,)
+    text = f"{len(found)} solids in the file{SEVERAL}: {known}; one alone is '{path.name}#{first}'"
+    return drawn, tuple(found), (text,)
 
 
 def _plane(

@@ -73,7 +73,7 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     return frozen(reals), frozen(np.concatenate([header, *tables]), np.int64)
 
 
-def packed_together(parts: Sequence[ConvexPart]) -> tuple[Array, Ints, Ints]:
+def packed_in_one(parts: Sequence[ConvexPart]) -> tuple[Array, Ints, Ints]:
     """Return the arrays of several parts one after the other, and the first row and entry of each, (parts + 1, 2)."""
     reals, ints = zip(*(part.packed for part in parts), strict=True)
     sizes = [(len(own), len(table)) for own, table in zip(reals, ints, strict=True)]

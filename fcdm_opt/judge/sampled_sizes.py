@@ -129,8 +129,8 @@ class GapClaims:
             _at_most("range", max((max(least - d, s - largest) for d, s in apart), default=0.0), slack, lost),
         ]
         if self.told is not None and made:
-            told = self.told(np.array([place for _, place in made])).tolist()
-            off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
+            claimed = self.told(np.array([place for _, place in made])).tolist()
+            off = max(_off(own, *gap) for own, (gap, _) in zip(claimed, made, strict=True))
             checks.append(_at_most("gap at sampled sizes", off, slack + self.within, lost))
         if self.permanent:
             wide = max(gap[2] for gap in gaps if gap is not None)
@@ -169,10 +169,10 @@ class GapClaims:
         if self.contact is not None:
             pair = pair.between(*self.contact[1])
         if not self.permanent:
-            distance, separation = pair.both_ways(scales, here)
+            distance, separation = pair.distances_and_separations(scales, here)
             return float(distance[0]), float(separation[0]), 0.0
         each = {
-            (i, j): [float(own[0]) for own in pair.between(i, j).both_ways(scales, here)]
+            (i, j): [float(own[0]) for own in pair.between(i, j).distances_and_separations(scales, here)]
             for i, j in product(*(range(len(body.parts)) for body in bodies))
         }
         off = max(abs(each[own][0]) for own in self.permanent)
@@ -282,8 +282,8 @@ class MotionClaims:
             if not np.isfinite([*q, amount, error, displaced]).all():
                 continue  # no motion, or nothing is told of its error
             off = self._missed(place, q, displaced)
-            told = float(np.linalg.norm(weights * q)) if weighted else amount
-            worst, count = np.maximum(worst, [off, abs(told - amount) - error]), count + 1
+            norm = float(np.linalg.norm(weights * q)) if weighted else amount
+            worst, count = np.maximum(worst, [off, abs(norm - amount) - error]), count + 1
         slack, note = 10.0 * self.scene.contact_slack, f"beyond the error told, at {count} sizes with a motion"
         return (
             _at_most("gap after the motion", worst[0], slack, note),
@@ -329,11 +329,11 @@ def _spread(box: Array) -> Array:
     return low + np.vstack([corners, rng.random((SAMPLED, len(box)))]) * (high - low)
 
 
-def _off(told: float, distance: float, separation: float, _: float = 0.0) -> float:
+def _off(claimed: float, distance: float, separation: float, _: float = 0.0) -> float:
     """Return how far a told gap is off: a separation, no more than the distance, where parts are apart; minus depth."""
     if not distance > 0.0:
-        return abs(told - distance)
-    return max(told - distance, min(distance, distance if np.isnan(separation) else separation) - told, 0.0)
+        return abs(claimed - distance)
+    return max(claimed - distance, min(distance, distance if np.isnan(separation) else separation) - claimed, 0.0)
 
 
 def _share(claim: ShareClaim) -> Check:

@@ -24,7 +24,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.measures import cross, least_vector, norms
 from fcdm_opt.geometry.naming import pair_in_words
-from fcdm_opt.geometry.packing import packed_together
+from fcdm_opt.geometry.packing import packed_in_one
 from fcdm_opt.model.equations import FeaturePoints, feature_points
 from fcdm_opt.model.seats import held, independent, seat_of, spins, untracked
 from fcdm_opt.motion.kinematics import Kinematics
@@ -528,7 +528,7 @@ class Task:
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, obstacle.need)
         return gaps
 
-    def beside_joints(self, pairs: Flags) -> Flags:
+    def without_joints(self, pairs: Flags) -> Flags:
         """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
         found = pairs.copy()
         for joint in self.joints:
@@ -556,7 +556,7 @@ class Task:
         runs = [slice(first, last) for first, last in pairwise(starts)]
         first = slice(0, len(self.static.parts))  # these are packed already
         return tuple(
-            (run, self.static.packed if run == first else packed_together([own.part for own in self.obstacles[run]]))
+            (run, self.static.packed if run == first else packed_in_one([own.part for own in self.obstacles[run]]))
             for run in runs
         )
 
@@ -580,7 +580,7 @@ class Task:
             if found[parts] >= least:
                 break
             if found[parts] > 0.0:
-                found[parts] = self.pair_gaps(q, {parts: self.way_between(parts, q)})[parts]
+                found[parts] = self.pair_gaps(q, {parts: self.direction_between(parts, q)})[parts]
             least = min(least, float(found[parts]))
         return found
 
@@ -588,7 +588,7 @@ class Task:
         """Return the least of `pair_gaps` over the static body's parts."""
         return float(gaps[:, : len(self.static.parts)].min())
 
-    def way_between(self, parts: Parts, q: Array) -> Array:
+    def direction_between(self, parts: Parts, q: Array) -> Array:
         """Return the direction along which two parts are their distance apart; of overlapping parts, of a facet."""
         # the differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0
         _, rows, gaps = self.separations(parts, self.pose(q))
@@ -708,7 +708,7 @@ class Task:
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
         short = (gaps > 0) & (gaps < self.needs - slack)
         if short.any():  # facet directions understate the distance of corners and edges
-            ways = {(i, j): self.way_between((i, j), q) for i, j in np.argwhere(short).tolist()}
+            ways = {(i, j): self.direction_between((i, j), q) for i, j in np.argwhere(short).tolist()}
             gaps = self.pair_gaps(q, {**(normals or {}), **ways})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
 
@@ -762,7 +762,7 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
     """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
     if not problem.motion.shifts:
         return False
-    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+    ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
     return bool(np.abs(ways @ ways.T - np.eye(len(ways))).max() <= DEFAULT.tie)
 
 

@@ -248,7 +248,7 @@ def _touching_sooner(
     distances = NEAREST * size * 2.0 ** np.arange(math.ceil(math.log2(distance / (NEAREST * size))) + 1)
     shifts = np.empty((0, 3))
     if problem.motion.shifts:
-        shifts = problem.motion.ways(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
+        shifts = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
     # bounds by axis of where a shift of the amount 1 leads
     along = np.linalg.norm(shifts, axis=0) / fastest + DEFAULT.cut if len(shifts) else 1.0

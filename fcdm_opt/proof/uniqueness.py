@@ -139,7 +139,7 @@ def none_shorter(problems: Problems, least: float) -> bool:
         rows = np.column_stack([slopes, -values / least])
         held += [rows, -rows]
     for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
-        ways = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None]
+        ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / weights[:, None]
         met = dict[tuple[int, int], tuple[Array, Array]]()
         for pair, normals, gaps in gaps_of_parts(problem):
             rows = np.column_stack([-normals @ ways.T, -gaps / least])
@@ -319,9 +319,9 @@ class _Restored:
         own, level = np.diagonal(turned, axis1=1, axis2=2), fixed.contracted(wide)  # y_k, as far as it is determined
         off = (fixed.contracted(over) - Interval(turned)).size + np.abs(turned) * (1.0 - np.eye(low.shape[1]))
         reach = ((off @ half[:, :, None])[:, :, 0] + level.radius[:, :, 0]) / own / ROUNDED + (1.0 - ROUNDED) * least
-        place, told = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
-        low = np.where(told, np.maximum(low, place - reach), low)
-        high = np.where(told, np.minimum(high, place + reach), high)
+        place, determined = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
+        low = np.where(determined, np.maximum(low, place - reach), low)
+        high = np.where(determined, np.minimum(high, place + reach), high)
         for ways in (balanced, against):
             w = (ways[:, None] @ J)[:, 0]
             fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])

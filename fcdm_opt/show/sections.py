@@ -54,14 +54,14 @@ class Touching(NamedTuple):
     point, world frame; `normal`, (3,), is a unit vector across it. Of an overlap the pieces are the surface, and
     `across`, (2, 3), are points of both bodies' surfaces where it is deep; of a gap they are what is nearest of the
     second body, and `across` goes over the gap. `number` is as texts and tables count contacts, 0 where it is the only
-    one, or one of very many; `told` is what touches what, and `pair` has the rows of both bodies among those shown.
+    one, or one of very many; `text` is what touches what, and `pair` has the rows of both bodies among those shown.
     """
 
     pieces: tuple[Array, ...]
     normal: Array
     across: Array | None = None
     number: int = 0
-    told: str = ""
+    text: str = ""
     kind: str = "contact"
     pair: tuple[int, int] = (0, 1)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import is_round, told_element
+from fcdm_opt.geometry.naming import element_text, is_round
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
@@ -119,7 +119,7 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     return sheet.figure
 
 
-def _told(problem: Problem, label: str) -> str:
+def _name_of(problem: Problem, label: str) -> str:
     """Return in words what a label of a `Sensitivity` stands for: "top face of lid", "corner 3 of box", "lid"."""
     key, *numbers = label.split("V")
     key = key.strip()
@@ -130,8 +130,8 @@ def _told(problem: Problem, label: str) -> str:
     corners = tuple(int(number.strip(",")) for number in numbers)
     if len(corners) < 2:
         return f"corner {corners[0]} of {name}" if corners else name
-    told = told_element(body, Element("F", corners)).partition(" (facing")[0]
-    return f"{f'facet V{corners[0]},V{corners[1]}... of {told}' if is_round(told) else told} of {name}"
+    text = element_text(body, Element("F", corners)).partition(" (facing")[0]
+    return f"{f'facet V{corners[0]},V{corners[1]}... of {text}' if is_round(text) else text} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
@@ -185,12 +185,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         change = STEP * weight * derivatives.weights[name]
         yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
-        yield Bar(_told(problem, label), shift * value, length, SHIFTED)
+        yield Bar(_name_of(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():
         for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.vertices.items()}):
-            yield Bar(_told(problem, label), shift * value, length, MOVED)
+            yield Bar(_name_of(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
-        yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
+        yield Bar(f"seed of {_name_of(problem, label)}", shift * value, length, MOVED)
 
 
 def _in_words(name: str, kind: str) -> str:

@@ -164,12 +164,12 @@ def _fields(
 
 def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line for each other value, with the budget."""
-    told, within = "", result.assembly_yield
+    label, within = "", result.assembly_yield
     if within is not None:
         ends = " ({:.1%} to {:.1%})".format(*within.interval) if within.interval else ""
         budget = measured(f"{within.budget:g}", result.unit)
-        told = f"budget {budget}: {within.share:.1%} within{ends}"
-    keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [told])]
+        label = f"budget {budget}: {within.share:.1%} within{ends}"
+    keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [label])]
     sheet, ((_, axes), *_) = _panels([], (data.amount, "share of points with at most this amount"), words, keys)
     for k, (at, name) in enumerate(_combinations(cases)):
         part = data.at(cases, at)
@@ -178,7 +178,7 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
             share = np.arange(1, known.size + 1) / int(np.count_nonzero(part.statuses != "PENDING"))
             axes.step([known[0], *known], [0.0, *share], where="post", label=name or POINTS, **_look(k))
     if within is not None:
-        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
+        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=label)
     known = data.amounts[np.isfinite(data.amounts)]
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
@@ -234,8 +234,8 @@ def _panels(
 def _combinations(axes: Sequence[_StudyAxis]) -> Iterator[tuple[list[int], str]]:
     """Yield the places of every combination of values, and its name; one without a name where there are no axes."""
     for place in product(*(range(len(axis.values)) for axis in axes)):
-        told = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
-        yield list(place), ", ".join(told)
+        texts = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
+        yield list(place), ", ".join(texts)
 
 
 def _value(axis: _StudyAxis, value: Any) -> str:

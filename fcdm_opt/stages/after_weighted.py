@@ -89,7 +89,7 @@ def _direct(task: Task) -> list[Array]:
     _, rows, separations = task.separations(parts, task.pose(task.rest))
     way, gap = rows[separations.argmax(), :3], float(separations.max())
     if gap > 0:
-        way = task.way_between(parts, task.rest)
+        way = task.direction_between(parts, task.rest)
         way, gap = way / np.linalg.norm(way), float(task.pair_gaps(task.rest, {parts: way})[parts])
     rates = task.rates(task.rest)[1]
     shifts = rates[:, :3, :3] @ task.movable.seed + rates[:, :3, 3]

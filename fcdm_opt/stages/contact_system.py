@@ -80,7 +80,7 @@ def contact_system(task: Task) -> Answer | None:
     if not task.joints:
         return None
     if task.goal != FIT and task.seats_disagree:
-        return Answer(Status.INFEASIBLE, None, UNSEATED, np.inf, _Told([System.of(task)], [""]).sentences(), last=True)
+        return Answer(Status.INFEASIBLE, None, UNSEATED, np.inf, _Texts([System.of(task)], [""]).sentences(), last=True)
     if (found := _by_shifts(task)) is not None:
         return found
     if task.goal == FIT:
@@ -95,9 +95,9 @@ def contact_system(task: Task) -> Answer | None:
         found = _held(task, turning)
         if found is not None and found.q is not None:
             return replace(found, amount=task.amount(found.q), lower_bound=task.displacement_bound, stage=NEWTON)
-    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
+    stage, sentences = LINEAR if task.motion.shifts else NEWTON, _Texts([own], [""]).sentences()
     status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, task.displacement_bound)
-    return Answer(status, None, stage, bound, told, last=True)
+    return Answer(status, None, stage, bound, sentences, last=True)
 
 
 def _of_shifts(task: Task) -> tuple[Task | None, Flags]:
@@ -119,7 +119,7 @@ def _by_shifts(task: Task) -> Answer | None:
         return None
     answer = _held(task, turning & held(whole, task.motion, task.movable, task.static))
     if answer is not None and answer.q is None:  # its parameters have other names
-        return replace(answer, active=_Told([System.of(task)], [""]).sentences())
+        return replace(answer, active=_Texts([System.of(task)], [""]).sentences())
     return answer
 
 
@@ -153,11 +153,11 @@ def excluding_contacts(question: Scene) -> list[tuple[int, ...]]:
     return [] if asked is None or len(asked.systems[0].task.joints) > MOST_EXPLAINED else asked.conflicts
 
 
-def _restored(question: Scene) -> _Told | None:
+def _restored(question: Scene) -> _Texts | None:
     """Return what is known of contacts of two parts that are restored together; None where others are asked for."""
     if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
         return None
-    return _Told([System.of(Task.of(question))], [""])
+    return _Texts([System.of(Task.of(question))], [""])
 
 
 def translations(task: Task) -> Answer | None:
@@ -202,7 +202,7 @@ def _answered(own: System, z: Array, bound: float) -> Answer:
     task, q, slack = own.task, own.q(z), DEFAULT.active * own.task.size
     beside = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
     near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & beside).tolist()
-    gaps = task.pair_gaps(q, {(i, j): task.way_between((i, j), q) for i, j in near})
+    gaps = task.pair_gaps(q, {(i, j): task.direction_between((i, j), q) for i, j in near})
     stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & beside).tolist()]
     stopped = stopped if own.features else own.deciding(stopped, z)
     names, count = dict.fromkeys(map(task.named, stopped)), len(task.joints)
@@ -230,7 +230,7 @@ def all_at_once(
     bound = max(known, least_z * systems[0].task.size)
     if z is None:
         status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
-        return Answer(status, None, stage, bound, _Told(systems, names).sentences())
+        return Answer(status, None, stage, bound, _Texts(systems, names).sentences())
     q = systems[0].q(z)
     amount = systems[0].task.amount(q)
     joined = [problem for problem in problems if problem.contacts]
@@ -288,8 +288,8 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     with suppress(pacing.TimeOverError):
         if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
-    told = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
-    return replace(answer, lower_bound=bound, active=(*answer.active, told))
+    text = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
+    return replace(answer, lower_bound=bound, active=(*answer.active, text))
 
 
 def _bound_of_own(task: Task, amount: float, half: float) -> float:
@@ -586,7 +586,7 @@ class System:
             if other.keep_out >= 0:  # of an assembly each part may be too near to it
                 name = f"{task.movable.name or 'body 1'} and {name}"
             else:
-                one, two, normal = task.movable.parts[i], task.static.parts[j], task.way_between((i, j), q)
+                one, two, normal = task.movable.parts[i], task.static.parts[j], task.direction_between((i, j), q)
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
                 name = contact.feature.in_words(task.movable, task.static)
@@ -747,7 +747,7 @@ def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Texts:
     """What keeps contacts from being restored together, and which of them can be; `names` are of the systems."""
 
     systems: Sequence[System]
@@ -760,12 +760,12 @@ class _Told:
 
     def _named(self, group: Sequence[int]) -> str:
         """Return contacts by number, with their system's name."""
-        told = list[str]()
+        texts = list[str]()
         for c in group:
             k, j = self._joints[c]
             number = str(j + 1) if len(self.systems[k].task.joints) > 1 or not self.names[k] else ""
-            told.append(f"{self.names[k]} {number}".strip())
-        return ", ".join(told)
+            texts.append(f"{self.names[k]} {number}".strip())
+        return ", ".join(texts)
 
     def _some(self, group: Sequence[int]) -> list[System]:
         """Return all systems with some contacts, as if there were no others."""
@@ -777,14 +777,14 @@ class _Told:
         count = len(self._joints)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
-        told = [
+        sentences = [
             f"contacts {self._named(group)} exclude each other"
             if len(group) > 1
             else f"contact {self._named(group)} cannot be closed"
             for group in self.conflicts
         ]
-        if told:
-            return (*told, *self._carried())
+        if sentences:
+            return (*sentences, *self._carried())
         return self.violated or ("no motion is found that closes all contacts",) * (count > 0)
 
     @property
@@ -859,7 +859,7 @@ class _Told:
 
     def _carried(self) -> Iterator[str]:
         """Yield which contacts can be closed together while the others are open, and by how much."""
-        count, told = len(self._joints), 0
+        count, named = len(self._joints), 0
         for size in range(count - 1, 0, -1):
             for group in combinations(range(count), size):
                 if any(set(known) <= set(group) for known in self.conflicts):
@@ -871,13 +871,13 @@ class _Told:
                 slack, unit = DEFAULT.touch * self.systems[0].task.size, self.systems[0].task.length_unit
                 if min(left.values()) < -slack:
                     continue  # past it, not above it
-                told += 1
+                named += 1
                 others = ", ".join(
                     f"{self._named([c])} {f'open by {measured(x, unit, 4)}' if x > slack else 'not flush'}"
                     for c, x in left.items()
                 )
                 yield f"{self._named(group)} can carry, with {others}"
-            if told:
+            if named:
                 return
 
     def _opened(self, contact: int, z: Array) -> float:

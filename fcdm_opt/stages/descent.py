@@ -266,4 +266,4 @@ def _along_facets(task: Task, q: Array) -> bool:
     gaps = task.pair_gaps(q)
     slack = DEFAULT.requirement * task.size
     tight = [(i, j) for i, j in np.ndindex(gaps.shape) if gaps[i, j] < task.need + slack]
-    return bool((task.pair_gaps(q, {parts: task.way_between(parts, q) for parts in tight}) - gaps <= slack).all())
+    return bool((task.pair_gaps(q, {parts: task.direction_between(parts, q) for parts in tight}) - gaps <= slack).all())

@@ -129,7 +129,7 @@ def straight(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along = DEFAULT.line * task.size, task.motion.ways(task.movable.seed, task.static.seed)[0]
+    slack, along = DEFAULT.line * task.size, task.motion.shift_vectors(task.movable.seed, task.static.seed)[0]
     pairs = meeting(task, steady_way(task, np.ones(1)))
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
     low, high, beside, features = task.spans(pairs, along).T

@@ -143,7 +143,7 @@ class Relaxation:
         added = [self._forbid(*fault) for fault in faults]
         if np.isfinite(task.needs).any():
             short = task.needs - task.pair_gaps(q, normals)
-            for i, j in np.argwhere(task.beside_joints(short > DEFAULT.cut * task.unit)).tolist():
+            for i, j in np.argwhere(task.without_joints(short > DEFAULT.cut * task.unit)).tolist():
                 parts = i, j
                 if parts in normals:
                     own, other = self._heights(parts, q, normals[parts])  # foremost along what parts the pair
@@ -280,7 +280,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
     apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
     closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
-    short = task.beside_joints(gaps < task.needs) if asks else gaps < 0.0
+    short = task.without_joints(gaps < task.needs) if asks else gaps < 0.0
     low = {parts: _separating_directions(task, parts, q) for parts in everything if short[parts]}
     pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]

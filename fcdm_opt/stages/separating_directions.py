@@ -214,10 +214,10 @@ class Linearised(NamedTuple):
         some = (sites[:, 0] == E1E2) & (gaps >= need - self.band)
         if some.any():
             rates = task.gap_rates(parts, q, sites[some], lines[some, :3]) / task.weights
-            told = np.isfinite(rates).all(axis=1)
-            found += [(J[None], np.array([g])) for J, g in zip(rates[told], gaps[some][told], strict=True)]
+            known = np.isfinite(rates).all(axis=1)
+            found += [(J[None], np.array([g])) for J, g in zip(rates[known], gaps[some][known], strict=True)]
         if need > 0.0 and 0.0 < gaps.max() < need + self.band:  # corners: the distance is along no facet direction
-            n = task.way_between(parts, q)
+            n = task.direction_between(parts, q)
             if (length := float(np.linalg.norm(n))) > 0.0:
                 n = n / length
                 heights = (p @ n).min() - moved @ n

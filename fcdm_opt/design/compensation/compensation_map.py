@@ -134,8 +134,8 @@ class CompensationMap(Plain, NotebookRepr):
         """Unit of amounts and errors, "" where the problem names none or has an amount of its own."""
         if self.problem is None or isinstance(self.problem["case"][0].get("amount"), Mapping):
             return ""
-        told = self.problem.get("part") or [self.problem["bodies"]["movable"]]
-        return str(told[0].get("unit", ""))
+        tables = self.problem.get("part") or [self.problem["bodies"]["movable"]]
+        return str(tables[0].get("unit", ""))
 
     @property
     def scaled(self) -> Flags:
@@ -210,7 +210,7 @@ class CompensationMap(Plain, NotebookRepr):
             f"region{'s' * (len(self.regions) != 1)}, {simplices(len(self.table), len(self.over))}, "
             f"error {self.error_text}, "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
-            f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
+            f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {text}' for text in self.known_to)}"
         )
 
     @property

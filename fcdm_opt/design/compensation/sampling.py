@@ -120,7 +120,7 @@ class Sampler:
     jobs: int = 1
     over: Sequence[str] = SCALES
     known: dict[Made, Sample] = field(default_factory=dict)
-    _given: float = field(default_factory=pacing.left)
+    _given: float = field(default_factory=pacing.remaining)
 
     @cached_property
     def weights(self) -> tuple[float, ...]:
@@ -159,7 +159,7 @@ class Sampler:
     def _time(self) -> float:
         if self._given == math.inf:
             return 0.0
-        return (1.0 - pacing.left() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
+        return (1.0 - pacing.remaining() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
 
     def made(self, place: Any) -> Array:
         """Return the sizes at a place, or at several, (..., k)."""
@@ -179,7 +179,7 @@ class Sampler:
         return [self.known.get(own) for own in asked]
 
     def _solved(self, missing: list[Made], last: bool) -> list[Sample | None]:
-        left = pacing.left()
+        left = pacing.remaining()
         if not last and left < math.inf:
             left -= (1.0 - pacing.SEARCHED) * self._given
         if left <= 0.0:

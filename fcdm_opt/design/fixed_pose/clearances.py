@@ -62,8 +62,8 @@ class EndOfRange(Plain):
         """The sizes in words: deviations that are not zero by their names."""
         if self.names == SCALES:
             return ", ".join(f"{x:.6g}" for x in self.rho)
-        told = [f"{name} {signed(x, 6)}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
-        return ", ".join(told) or "as drawn"
+        texts = [f"{name} {signed(x, 6)}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
+        return ", ".join(texts) or "as drawn"
 
     @classmethod
     def of(cls, scene: BodyGaps | ContactGaps, rows: Any, extreme: Extreme) -> EndOfRange:
@@ -159,8 +159,8 @@ class Clearances(NotebookRepr, Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""
-        told = {"count": len(self.gaps), "histogram": {"counts": self.counts, "edges": self.edges}}
-        return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}
+        data = {"count": len(self.gaps), "histogram": {"counts": self.counts, "edges": self.edges}}
+        return {name: plain(data[name] if name in data else getattr(self, name)) for name in self.plain_names}
 
 
 @known_arguments

@@ -152,7 +152,7 @@ def assembly_loop(assembly: Assembly, of: Any = None) -> Loop:
     claim, second = _claim(gaps, relation, motions, assembly.sizes, closed_at), 0.0
     contacts = partial(gaps.touching, drawn, claim.transform, chosen) if chosen >= 0 else None
     if assembly.shifts:
-        directions = relation.motion.ways(relation.movable.seed, relation.static.seed)
+        directions = relation.motion.shift_vectors(relation.movable.seed, relation.static.seed)
         how = {"transform": claim.transform, "carried": motions[:, 1:].T @ directions}
         found = of_all_faces(relation, claim.sizes, contacts, **how)
         rates = np.vstack([own.normals for own in found.pairs]) @ directions.T

@@ -241,8 +241,8 @@ class Budgets(Mapping[str, Budget]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        told = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
-        return plain({**told, "requirements": self.each})
+        data = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
+        return plain({**data, "requirements": self.each})
 
     @property
     def open_text(self) -> str:

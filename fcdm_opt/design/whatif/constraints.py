@@ -242,8 +242,8 @@ class PlainMotion(Plain):
         motion: dict[str, Any] = {"status": None, "usable": False, "amount": None, "parameters": {}}
         if self.solution is not None:
             motion = {name: plain(getattr(self.solution, name)) for name in motion}
-        told = super().to_dict()
-        return {**told, **motion, **told}
+        data = super().to_dict()
+        return {**data, **motion, **data}
 
 
 def scene_of(asked: Scene | Bounded) -> Any:

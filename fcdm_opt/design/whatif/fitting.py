@@ -31,7 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
-TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
+MOST_SECONDS = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
 ADVICE = 2.0  # times the solve that all of them may take for one answer, within `pacing.ADVISED`
 NO_TIME = 1e-9  # seconds
 FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for that leaves it
@@ -123,7 +123,7 @@ def clearance_within(problem: Problem, far: float) -> float:
     """
     limits = {own.name: np.clip(own.limits, -far / own.weight, far / own.weight) for own in problem.coordinates}
     near = problem.changed(limits={name: tuple(ends.tolist()) for name, ends in limits.items()})
-    with pacing.within(TOLD):
+    with pacing.within(MOST_SECONDS):
         if problem.goal != "clear" or not problem.clearance > 0.0 or pacing.in_time(has_motion, near, late=True):
             return 0.0
         return pacing.in_time(largest_clearance, near, late=Kept()).clearance
@@ -131,7 +131,7 @@ def clearance_within(problem: Problem, far: float) -> float:
 
 def quick_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where the time does not last."""
-    with pacing.within(TOLD):
+    with pacing.within(MOST_SECONDS):
         return pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
 
 

@@ -68,7 +68,7 @@ def gather(
                 solved = solved_case(problem, certify=proved)
             pacing.at("drawing")
             share = frames_of(problem, len(asked)) if frames is None else frames
-            share = share if pacing.left() > AMPLE else -1.0
+            share = share if pacing.remaining() > AMPLE else -1.0
             with pacing.sharing(DRAWN), pacing.telling(), pacing.part_of("drawing"):
                 return case_report(problem, solved, name=f"case-{number}", frames=share)
 
@@ -132,12 +132,12 @@ def answered_in_turn(
                 if interrupted and not found:
                     raise
                 late = "late", InputError("left out: interrupted")
-                kind, told = late if isinstance(reason, KeyboardInterrupt) else pacing.failure(reason)
+                kind, error = late if isinstance(reason, KeyboardInterrupt) else pacing.failure(reason)
                 failures.add(kind)
-                met = told.within(file=file.path.name, key=f"case {problem.name!r}")
+                met = error.within(file=file.path.name, key=f"case {problem.name!r}")
                 errors.append(str(met))
                 if refuse:
-                    refuse(met.with_traceback(told.__traceback__))
+                    refuse(met.with_traceback(error.__traceback__))
         heads.append({**head(file), "cases": list(range(first, len(found)))})
         if errors:
             heads[-1] |= {"error": "\n".join(errors), "failures": sorted(failures)}
@@ -155,9 +155,9 @@ def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first
     for number, problem in enumerate(problems, first):
         if problem.requirement is None:
             continue
-        told = problem.to_dict()
-        case = told["case"][0] | {"goal": problem.goal, "pair": problem.pair}  # by default, too
-        question = told["bodies"], told.get("keep_out"), [case.get(key) for key in SHARED]
+        data = problem.to_dict()
+        case = data["case"][0] | {"goal": problem.goal, "pair": problem.pair}  # by default, too
+        question = data["bodies"], data.get("keep_out"), [case.get(key) for key in SHARED]
         letter = problem.requirement
         cells = next((cells for other, _, cells in tables if other == question and letter not in cells), None)
         if cells is None:
@@ -193,8 +193,8 @@ def _missing(leading: Problem, letter: str) -> dict[str, Any]:
     return _cell(None, answered(solution), "", note=f"{note}; {solution.stopped}" if solution.stopped else note)
 
 
-def _cell(case: int | None, told: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
-    return {"case": case, **{key: told[key] for key in ANSWERED}, "published": published or None, "note": note}
+def _cell(case: int | None, answer: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
+    return {"case": case, **{key: answer[key] for key in ANSWERED}, "published": published or None, "note": note}
 
 
 def _digest(path: Path) -> str | None:
@@ -217,10 +217,10 @@ def _meshes(path: Path) -> list[str]:
 
 def head(file: Any) -> dict[str, Any]:
     """Return what a report says of a file as read: name, title, note, SHA-256, its meshes, what is wrong with it."""
-    told = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
-    told["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
-    told["sizes_left"] = commented_out_sizes(file.path)
-    return {**told, "error": file.error} if file.error else told
+    entry = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+    entry["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+    entry["sizes_left"] = commented_out_sizes(file.path)
+    return {**entry, "error": file.error} if file.error else entry
 
 
 def made() -> dict[str, str]:
