@@ -323,8 +323,8 @@ class Size(Plain):
                 named: dict[str, list[int]] = {}
                 for row, name in enumerate(names_of_rows(body, four_digits=four_digits)):
                     end = name.split(" no. ")[0]
-                    for key in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
-                        named.setdefault(key, []).append(row)
+                    for label in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
+                        named.setdefault(label, []).append(row)
                 if selector in named:
                     return np.array(named[selector])
             known = ", ".join(dict.fromkeys(selectors_of_rows(body)))
