@@ -303,10 +303,10 @@ def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: C
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     n, own, other, parallel = flush.normal, contact.one, contact.two, contact.parallel
-    faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
+    faces = [int(np.argmax(part.normals @ direction)) for part, direction in ((one, n), (two, -n))]
     has = [
-        bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)
-        for part, face, way in zip((one, two), faces, (n, -n), strict=True)
+        bool(part.normals[face] @ direction > 1.0 - DEFAULT.nominal)
+        for part, face, direction in zip((one, two), faces, (n, -n), strict=True)
     ]
     site = (V1F2, own[0], faces[1]) if has[1] else (F1V2, faces[0], other[0])
     line, made = _supported(one, two, site, n, k)

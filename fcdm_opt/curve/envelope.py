@@ -159,9 +159,9 @@ def _passed(piece: Array, s: float, kept: list[Stretch], pieces: Array) -> bool:
     place = piece[:2] + s * piece[2:4]
     rows = np.array([own[:3] for own in kept]).reshape(-1, 3)
     base, travel = (pieces[rows[:, 0].astype(np.int64), k : k + 2] for k in (0, 2))
-    way = place - base
-    along = np.clip((way * travel).sum(axis=1), rows[:, 1], rows[:, 2])[:, None] * travel
-    return bool((np.hypot(*(way - along).T) <= DEFAULT.nominal * np.abs(place).sum()).any())
+    offset = place - base
+    along = np.clip((offset * travel).sum(axis=1), rows[:, 1], rows[:, 2])[:, None] * travel
+    return bool((np.hypot(*(offset - along).T) <= DEFAULT.nominal * np.abs(place).sum()).any())
 
 
 Limits = tuple[tuple[float, float], tuple[float, float]]
@@ -292,9 +292,9 @@ def _foremost(
 ) -> tuple[frozenset[Element], ...]:
     """Return the bodies' elements that the foremost corners of two parts belong to, along a direction from 1 to 2."""
     found = []
-    for body, k, way in ((movable, parts[0], normal @ pose[:9].reshape(3, 3)), (static, parts[1], -normal)):
+    for body, k, direction in ((movable, parts[0], normal @ pose[:9].reshape(3, 3)), (static, parts[1], -normal)):
         part = body.parts[k]
-        heights = (part.vertices - part.seed) @ way
+        heights = (part.vertices - part.seed) @ direction
         top = np.flatnonzero(heights >= heights.max() - DEFAULT.tie * body.size)
         found.append(frozenset(part.elements["V"][v] for v in top.tolist()))
     return tuple(found)

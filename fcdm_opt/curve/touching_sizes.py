@@ -130,7 +130,7 @@ class TouchingSizes:
         if shifts is None or sizes:
             check_sizes(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
-        ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
+        directions, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
         along = np.zeros((len(sizes), 3)) if carried is None else carried
         sides, reaches, shares = [], [], []
         for role, body in (("movable", movable), ("static", static)):
@@ -160,7 +160,7 @@ class TouchingSizes:
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             factor = float(role == "movable")
             posed = [_PosedPart.of(part, own, factor * along, R, t) for part in parts]
-            sides.append([part.shifted(factor * ways) for part in posed] if len(ways) else posed)
+            sides.append([part.shifted(factor * directions) for part in posed] if len(directions) else posed)
             reaches.append(reach)
             shares.append(np.zeros(len(sizes)))
             shares[-1][own] = moving.shares
@@ -438,9 +438,9 @@ class _PosedPart:
                 return "E", int(self.edge_names[rows[0]])
         return "V", int(self.names[corner])
 
-    def shifted(self, ways: Array) -> _PosedPart:
+    def shifted(self, directions: Array) -> _PosedPart:
         """Return the part with shifts along some ways, (s, 3), as sizes behind the others."""
-        wide = np.broadcast_to(ways.T, (len(self.triples), 3, len(ways)))
+        wide = np.broadcast_to(directions.T, (len(self.triples), 3, len(directions)))
         return replace(self, moves=np.concatenate([self.moves, wide], axis=2))
 
     @classmethod

@@ -79,7 +79,7 @@ BECAUSE = {
 }
 """Why a goal is proposed, by how the parts lie."""
 TOGETHER = "as drawn the parts touch at {}, and shifts restore them all"
-ONE_WAY = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
+ONE_DIRECTION = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
 SAME_DIRECTION = "as drawn the parts touch at {}, all of which face one way and are to touch again"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
@@ -292,7 +292,7 @@ def _because(situation: Situation, choice: Choice) -> str:
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
-        text = ONE_WAY if count < len(situation.places) else SAME_DIRECTION
+        text = ONE_DIRECTION if count < len(situation.places) else SAME_DIRECTION
         why = text.format(counted(len(situation.places), "place"), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"

@@ -357,7 +357,7 @@ def _facing(part: ConvexPart, direction: Array) -> list[Array]:
     return [normal for normal in part.normals if float(np.linalg.norm(normal - direction)) <= UNMEANT]
 
 
-def rounded(scale: float, way: Callable[[float], int]) -> float:
+def rounded(scale: float, rounding: Callable[[float], int]) -> float:
     """Return a scale with two digits, rounded up or down: a border of what is shown need not be finer."""
     unit = 10.0 ** (math.floor(math.log10(scale)) - 1)
-    return float(f"{way(round(scale / unit, 6)) * unit:.3g}")  # 1.1 / 0.1 is above 11 in floats
+    return float(f"{rounding(round(scale / unit, 6)) * unit:.3g}")  # 1.1 / 0.1 is above 11 in floats

@@ -390,8 +390,8 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
         if len(one.edges) * len(two.edges) > EXHAUSTIVE:
             return -frame.offset
         return np.asarray(judging.widest_gaps(*one.solid[:4], *two.solid[:4], frame.row[None], True)[0, 1:])
-    way = least_vector(n[apart], gaps[apart])
-    return n[apart[gaps[apart].argmax()]] if way is None else way / np.linalg.norm(way)
+    direction = least_vector(n[apart], gaps[apart])
+    return n[apart[gaps[apart].argmax()]] if direction is None else direction / np.linalg.norm(direction)
 
 
 def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
@@ -399,15 +399,15 @@ def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
     # Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
     # one that lies furthest back along it, that point is found anew
     X, Y = frame.offset + frame.scales[0] * one.points @ frame.R.T, frame.scales[1] * two.points
-    way, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
+    offset, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
     for _ in range(MOST):
-        furthest = (X @ way).argmax(), (Y @ way).argmin()
-        if way @ way - way @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(way @ way):
+        furthest = (X @ offset).argmax(), (Y @ offset).argmin()
+        if offset @ offset - offset @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(offset @ offset):
             break
         held = np.vstack([held, furthest])
         differences = Y[held[:, 1]] - X[held[:, 0]]
         shares = nearest_mixture(differences)
-        held, way = held[shares > 0.0], shares @ differences
+        held, offset = held[shares > 0.0], shares @ differences
     return np.unique(held[:, 0]), np.unique(held[:, 1])
 
 

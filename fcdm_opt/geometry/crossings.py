@@ -115,12 +115,12 @@ def not_separated(one: Array, two: Array) -> Ints:
     # across a triangle, along a side of both, or through a side and across its triangle
     one, two = one - one[:, :1], two - one[:, :1]
     reach = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
-    ways = np.concatenate([following(own) - own for own in (one, two)], axis=1)
-    normals = np.stack([cross(ways[:, 0], ways[:, 1]), cross(ways[:, 3], ways[:, 4])], axis=1)
-    ways, left = np.concatenate([ways, normals], axis=1), np.arange(len(one))
+    directions = np.concatenate([following(own) - own for own in (one, two)], axis=1)
+    normals = np.stack([cross(directions[:, 0], directions[:, 1]), cross(directions[:, 3], directions[:, 4])], axis=1)
+    directions, left = np.concatenate([directions, normals], axis=1), np.arange(len(one))
     sides = product(range(3), range(3, 6))
     for i, j in ((0, 1), (3, 4), *sides, (6, 0), (6, 1), (6, 2), (7, 3), (7, 4), (7, 5)):
-        axis = cross(ways[left, i], ways[left, j])
+        axis = cross(directions[left, i], directions[left, j])
         heights = ([dots(own[left, k], axis) for k in range(3)] for own in (one, two))
         (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
         gap = np.maximum(under - high, low - over)

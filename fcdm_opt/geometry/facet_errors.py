@@ -257,15 +257,15 @@ def _bent(
         off = np.einsum("kci,ki->kc", local, cross(along, looks[facet]))
         far = np.abs(off).argmax(axis=1)
         tops += [np.einsum("ki,ki->k", local[k, far], along), off[k, far]]
-    way, depth, other = -np.sign(tops[1])[:, None] * cross(along, looks[one]), np.abs(tops[1]), np.abs(tops[3])
+    outward, depth, other = -np.sign(tops[1])[:, None] * cross(along, looks[one]), np.abs(tops[1]), np.abs(tops[3])
     share = depth / (depth + other)
     place = (tops[0] + share * (tops[2] - tops[0])) / length
-    chord = (tops[2] - tops[0])[:, None] * along + (depth + other)[:, None] * way
+    chord = (tops[2] - tops[0])[:, None] * along + (depth + other)[:, None] * outward
     bulges = [
         _squared(form[one], np.einsum("kji,ki->kj", frames[one], own)[:, None])[:, 0] * part * (1.0 - part) / 2.0
         for own, part in ((chord, share), (side, place))
     ]
-    turns = ((looks[two] - looks[one]) * way).sum(axis=1)
+    turns = ((looks[two] - looks[one]) * outward).sum(axis=1)
     bent = ((bulges[0] - bulges[1]) / (depth * (1.0 - share))).reshape(2, -1)
     halved = np.bincount(one, minlength=count) == 1  # at the ends of a face half of the turn is seen
     counted = ~halved[one].reshape(2, -1)

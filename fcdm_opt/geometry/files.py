@@ -339,7 +339,7 @@ def _ply(data: bytes) -> Drawn:
 def _glb(data: bytes) -> Drawn:
     # a mirror turns the faces' winding round
     placed = [(mesh, T, -1 if np.linalg.det(T[:3, :3]) < 0 else 1, name) for mesh, T, name in _scene(data)]
-    meshes = [(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::way]) for mesh, T, way, _ in placed]
+    meshes = [(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::order]) for mesh, T, order, _ in placed]
     return _together(meshes, [name for *_, name in placed])
 
 

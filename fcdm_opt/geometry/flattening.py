@@ -56,7 +56,7 @@ class Incidences:
     # points that stay where they are, and with them the planes that are fitted to these alone, (n,)
     held: Flags | None = None
     # (3, 1 or 2): orthonormal directions that span the normals which a plane may have; all others may have any
-    ways: Mapping[int, Array] = field(default_factory=dict)
+    spans: Mapping[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, groups: Sequence[Ints]) -> Incidences:
@@ -68,9 +68,9 @@ class Incidences:
         """Return unit normals and levels of the planes, each nearest to the points that it is fitted to."""
         groups = np.split(self.corner[self.fixing], np.cumsum(np.bincount(self.plane[self.fixing]))[:-1])
         normals, levels, _ = _fitted(points, groups)
-        for k, ways in self.ways.items():
+        for k, span in self.spans.items():
             middle = points[groups[k]].mean(axis=0)
-            normals[k] = ways @ np.linalg.svd((points[groups[k]] - middle) @ ways)[2][-1]
+            normals[k] = span @ np.linalg.svd((points[groups[k]] - middle) @ span)[2][-1]
             levels[k] = normals[k] @ middle
         return normals, levels
 
@@ -119,8 +119,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
     one = units(cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
     turns = np.stack([one, cross(normal, one)], axis=1) / extent[:, None, None]
     for k, plane in enumerate(planes.tolist()):
-        if plane in lies.ways:
-            turns[k] = turns[k] @ lies.ways[plane] @ lies.ways[plane].T
+        if plane in lies.spans:
+            turns[k] = turns[k] @ lies.spans[plane] @ lies.spans[plane].T
     still = np.zeros(len(place), bool) if lies.held is None else lies.held
     fixed = np.bincount(own, lies.fixing[rows] & ~still[corner]) == 0
     tilts = np.concatenate([(turns[own] * spokes[:, None]).sum(axis=2), np.ones((len(rows), 1))], axis=1)
@@ -129,8 +129,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
     first = 3 * np.stack([np.where(moving, np.cumsum(moving) - 1, 0)[corner], many + own], axis=1)
     at = np.repeat(np.arange(len(rows)), 6), (first[:, :, None] + np.arange(3)).ravel()
     matrix = coo_array((entries.ravel(), at), shape=(len(rows), 3 * (many + len(planes)))).tocsr()
-    many_ways, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
-    both = block_array([[many_ways, matrix.T], [matrix, damped]]).tocsc()
+    identity, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
+    both = block_array([[identity, matrix.T], [matrix, damped]]).tocsc()
     solved = splu(both, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     found = solved.solve(np.concatenate([np.zeros(matrix.shape[1]), -heights[rows]]))
     moved = place.copy()

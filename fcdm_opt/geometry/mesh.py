@@ -277,10 +277,10 @@ def _shells(surface: Faces) -> Ints:
     sides = Sides.of(surface.polygons)
     plain, links = sides.counts[sides.edge[sides.links[:, 0]]] == 2, sides.face[sides.links]
     group = components(links[plain], len(surface.polygons))
-    ways = np.where(sides.origin < sides.end, 1, -1)
+    senses = np.where(sides.origin < sides.end, 1, -1)
     own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]
     open_ = np.zeros(group.max() + 1, bool)
-    open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
+    open_[group[sides.face[np.bincount(own, senses)[own] != 0]]] = True
     if not open_.any():
         return group
     normals = normals_of(surface.points, surface.polygons)

@@ -91,8 +91,8 @@ def uncovered(polygon: Array, solids: Iterable[tuple[Array, Array]], slack: floa
 
 def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
     """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
-    for base, way in zip(outline, units(cross(normal, following(outline) - outline)), strict=True):
-        polygon = clipped(polygon, (polygon - base) @ way + slack)
+    for base, inward in zip(outline, units(cross(normal, following(outline) - outline)), strict=True):
+        polygon = clipped(polygon, (polygon - base) @ inward + slack)
     return polygon
 
 
@@ -322,11 +322,11 @@ class Sides:
         """Return the pairs of polygons between which material at an edge lies, by their normals out of or into it."""
         # where they are not as many one way round as the other, each two after another
         own = np.flatnonzero(self.edge == edge)
-        ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
-        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]
-        into = cross(normals[self.face[own]], ways[:, None] * along)
+        senses = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
+        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * senses[0]
+        into = cross(normals[self.face[own]], senses[:, None] * along)
         angles = np.arctan2(cross(into[:1], into) @ along, into @ into[0])
-        faces, up = self.face[own], (ways > 0) ^ inwards
+        faces, up = self.face[own], (senses > 0) ^ inwards
         if 2 * up.sum() != len(own):
             return list(pairwise(faces.tolist()))
         turns = (angles[up] - angles[~up][:, None] - DEFAULT.sharp) % (2.0 * np.pi)  # material is ahead of those down

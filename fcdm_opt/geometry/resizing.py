@@ -866,13 +866,13 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
                 faces[k], moved[k] = own[0], face_offsets[own[0]]
         found.append((faces, moved))
     for cut in _cuts(body):
-        ways = []
+        shifts = []
         for _, rows, across in cut.elements:
             off = face_offsets[rows]
             if across is not None and _agree(normals[rows], off) is not None:
-                ways.append(across @ off)
-        if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
-            offset = ways[0]
+                shifts.append(across @ off)
+        if shifts and np.ptp(shifts, axis=0).max(initial=0.0) <= DEFAULT.nominal:
+            offset = shifts[0]
         else:
             place, k, _ = cut.facets[0]
             level = points @ cut.normal - body.parts[place].vertices[body.parts[place].loops[k][0]] @ cut.normal
@@ -880,8 +880,8 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
             own = np.flatnonzero(
                 (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
             ).tolist()
-            if ways and not own:
-                size = sizes[int(np.ptp(ways, axis=0).argmax())]
+            if shifts and not own:
+                size = sizes[int(np.ptp(shifts, axis=0).argmax())]
                 labels = dict.fromkeys(label for own, *_ in cut.elements for label in own)
                 plane = f"a plane through {', '.join(f'V{label}' for label in labels)}"
                 what = f"body '{body.name}' is cut along {plane}, which this size would take out of it"

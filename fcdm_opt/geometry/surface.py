@@ -137,15 +137,15 @@ class Surface:
         after, others = following(corners), self.points[self.edges[edges]]
         starts = np.concatenate([corners.reshape(-1, 3), others[:, 0]]) - ends[0]
         stops = np.concatenate([after.reshape(-1, 3), others[:, 1]]) - ends[0]
-        way, ways = ends[1] - ends[0], stops - starts
-        length, normals = float(np.linalg.norm(way)), cross(way, ways)
+        line, sides = ends[1] - ends[0], stops - starts
+        length, normals = float(np.linalg.norm(line)), cross(line, sides)
         squares = (normals**2).sum(axis=1)
-        crossing = squares > (DEFAULT.nominal * length) ** 2 * (ways**2).sum(axis=1)
-        crossings = (cross(starts, ways) * normals).sum(axis=1)[crossing] / squares[crossing]
-        along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ way / length**2
+        crossing = squares > (DEFAULT.nominal * length) ** 2 * (sides**2).sum(axis=1)
+        crossings = (cross(starts, sides) * normals).sum(axis=1)[crossing] / squares[crossing]
+        along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ line / length**2
         places = np.unique(np.clip(np.concatenate([[0.0, 1.0], crossings, along]), 0.0, 1.0))
         middles = (places[1:] + places[:-1]) / 2.0
-        return np.diff(places) * length / self.size, ends[0] + middles[:, None] * way
+        return np.diff(places) * length / self.size, ends[0] + middles[:, None] * line
 
     @cached_property
     def lengths(self) -> Array:
@@ -174,10 +174,10 @@ class Surface:
 def rims(triangles: Iterable[Rows]) -> list[list[int]]:
     """Return the loops in which the border of triangles of one face passes rows, holes clockwise."""
     # where loops touch in a row they are one that passes it more than once
-    ways = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
+    directed = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
     ahead = defaultdict[int, list[int]](list)
-    for a, b in sorted(ways, reverse=True):
-        if (b, a) not in ways:
+    for a, b in sorted(directed, reverse=True):
+        if (b, a) not in directed:
             ahead[a].append(b)
     loops = []
     while ahead:

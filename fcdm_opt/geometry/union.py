@@ -159,12 +159,12 @@ class _Walls:
         largest = int(norms(across).argmax())
         middle, normal = self.points[triangles[largest]].mean(axis=0), units(across[largest])
         level = np.abs(self.normals @ middle - self.levels) <= self.slack
-        ways = {
+        orientations = {
             bool(self.normals[k] @ normal > 0)
             for k in np.flatnonzero(level & (norms(cross(self.normals, normal)) <= DEFAULT.nominal)).tolist()
             if hold(self.points[[self.loops[k]]], self.normals[[k]], middle[None], self.slack).any()
         }
-        return triangles[:, ::-1] if ways == {False} else triangles
+        return triangles[:, ::-1] if orientations == {False} else triangles
 
     def _is_round(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> bool:
         """Tell whether the order of a face's corners goes round it; with a hole it may go across."""

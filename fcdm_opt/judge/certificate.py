@@ -339,8 +339,8 @@ def _by_distance(solution: Solution) -> float:
         return 0.0
     rate = 1.0
     if problem.amount == "weighted":
-        ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
-        rate = float(np.linalg.norm(ways.T / problem.weights, 2))
+        directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+        rate = float(np.linalg.norm(directions.T / problem.weights, 2))
     scaled = scaled_pair(problem.movable, problem.static)
     gap = judged_gaps(scaled, problem.target[None], np.eye(4), problem.contact_slack)[0]
     need = max(problem.clearance - gap, 0.0) if "clear" in wanted else abs(gap)
@@ -621,8 +621,8 @@ class _Judge:
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         nearest = [check.value - own.clearance for own, check in zip(problem.keep_out, self.scene(), strict=True)]
         if problem.motion.shifts and self._known and min(nearest, default=np.inf) > DEFAULT.active * problem.size:
-            ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
-            slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
+            directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+            slopes, one = rows[:, :3] @ directions.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(
                 [*np.zeros(len(self.q)), 1.0],
                 A_ub=np.vstack([np.hstack([slopes, 0.0 * one]), np.hstack([-slopes, -one])]),
@@ -765,7 +765,7 @@ class _Judge:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        s, poses, pairs = self._way
+        s, poses, pairs = self._path_samples
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
         proofs = [claim.proofs(pairs, poses) for claim in self.claims]
         errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
@@ -796,7 +796,7 @@ class _Judge:
         if not claims:
             return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]
         least = self.tolerances.shared * min(self.problem.movable.size, self.problem.static.size) / 2.0
-        s, poses, pairs = self._way
+        s, poses, pairs = self._path_samples
         checks = []
         for k, claim in claims.items():
             size = kinds[_named(claim.feature)]
@@ -922,7 +922,7 @@ class _Judge:
         return tuple(self.solution.parameters) == self.problem.motion.names
 
     @cached_property
-    def _way(self) -> tuple[Array, Array, Array]:
+    def _path_samples(self) -> tuple[Array, Array, Array]:
         """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
         return *self._ray, self._tracked(*self._ray)
 
@@ -976,5 +976,5 @@ class _Judge:
             determinant[np.abs(determinant) <= least] = np.nan  # parallel
             return np.column_stack([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
         ab, c = lines[0][:, :2], lines[0][:, 2]
-        way = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
-        return way + ((c - (ab * way).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab
+        straight = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
+        return straight + ((c - (ab * straight).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab

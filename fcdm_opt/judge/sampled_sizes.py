@@ -202,7 +202,7 @@ class GapClaims:
         """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces."""
         # whose parts are thin: how deep two of them overlap says nothing of the solids
         assert self.contact is not None
-        feature, _, way = self.contact
+        feature, _, direction = self.contact
         points = []
         for body, scale, element in zip(bodies, scales.tolist(), (feature.one, feature.two), strict=True):
             own = body.vertices[np.array(element.vertices) - 1]
@@ -212,8 +212,8 @@ class GapClaims:
         flat = max(sides, key=lambda own: (len(own) > 2, -len(own)))
         if len(flat) > 2 or all(len(own) == 2 for own in points):
             n = np.linalg.svd(flat if len(flat) > 2 else np.vstack(sides))[2][2]
-            way = n * np.sign(n @ way)
-        return float((points[1] @ way).min() - (points[0] @ way).max())
+            direction = n * np.sign(n @ direction)
+        return float((points[1] @ direction).min() - (points[0] @ direction).max())
 
 
 class _Solids:

@@ -54,8 +54,8 @@ def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) ->
     rates = tilts(seats, axes) if turning.any() else np.zeros((0, len(axes)))
     if not len(rates):
         return np.zeros(len(axes), dtype=bool)
-    _, sizes, ways = np.linalg.svd(rates[:, turning])
-    free = ways[int((sizes > DEFAULT.nominal).sum()) :]
+    _, sizes, vectors = np.linalg.svd(rates[:, turning])
+    free = vectors[int((sizes > DEFAULT.nominal).sum()) :]
     still = np.zeros(len(axes), dtype=bool)
     still[turning] = np.abs(free).max(axis=0, initial=0.0) <= DEFAULT.nominal
     if len(free) == 1:

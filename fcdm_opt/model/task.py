@@ -592,8 +592,8 @@ class Task:
         """Return the direction along which two parts are their distance apart; of overlapping parts, of a facet."""
         # the differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0
         _, rows, gaps = self.separations(parts, self.pose(q))
-        way = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
-        return frozen(rows[gaps.argmax(), :3]) if way is None else way
+        nearest = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
+        return frozen(rows[gaps.argmax(), :3]) if nearest is None else nearest
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s."""
@@ -680,8 +680,8 @@ class Task:
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None and (one.elements.spans or two.elements.spans):
                 places = self.path_positions(q)
-                ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
-                names = features_along(one, two, supporting_contact(one, two, feature.normal, ways[0][0]), ways)
+                path = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
+                names = features_along(one, two, supporting_contact(one, two, feature.normal, path[0][0]), path)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]
         return found
 
@@ -708,8 +708,8 @@ class Task:
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
         short = (gaps > 0) & (gaps < self.needs - slack)
         if short.any():  # facet directions understate the distance of corners and edges
-            ways = {(i, j): self.direction_between((i, j), q) for i, j in np.argwhere(short).tolist()}
-            gaps = self.pair_gaps(q, {**(normals or {}), **ways})
+            directions = {(i, j): self.direction_between((i, j), q) for i, j in np.argwhere(short).tolist()}
+            gaps = self.pair_gaps(q, {**(normals or {}), **directions})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
 
     def restores(self, q: Array, slack: float) -> bool:
@@ -762,8 +762,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
     """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
     if not problem.motion.shifts:
         return False
-    ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
-    return bool(np.abs(ways @ ways.T - np.eye(len(ways))).max() <= DEFAULT.tie)
+    directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+    return bool(np.abs(directions @ directions.T - np.eye(len(directions))).max() <= DEFAULT.tie)
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:

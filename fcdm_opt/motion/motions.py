@@ -248,8 +248,8 @@ class Motion:
             T = self.transform(values, movable_seed, static_seed)
             return points @ T[:3, :3].T + T[:3, 3]
 
-        steps_both = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
-        return float(np.linalg.norm(steps_both, axis=3).max(axis=(1, 2)).sum())
+        changes = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
+        return float(np.linalg.norm(changes, axis=3).max(axis=(1, 2)).sum())
 
     def describe(self, q: Sequence[float] | Array, *, unit: str = "", digits: int = 6) -> str:
         """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""

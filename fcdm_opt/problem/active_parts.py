@@ -89,8 +89,8 @@ def _of_all_kinds(near: NearFacets) -> Ints:
     """Return the order in which to take pairs of facets: the nearest of those flush in each direction, the next, ..."""
     normals = [unit_normals(near.corners[:, own]) for own in (0, 1)]
     flush = (normals[0] * normals[1]).sum(axis=1) <= DEFAULT.side - 1.0
-    ways = np.where(flush[:, None], normals[0].round(DIGITS), 0.0) + 0.0
-    kind = np.unique(ways, axis=0, return_inverse=True)[1].reshape(-1)
+    directions = np.where(flush[:, None], normals[0].round(DIGITS), 0.0) + 0.0
+    kind = np.unique(directions, axis=0, return_inverse=True)[1].reshape(-1)
     order = np.lexsort((near.heights.max(axis=1), kind))
     starts = np.searchsorted(kind[order], kind[order])
     return np.asarray(order[np.argsort(np.arange(len(order)) - starts, kind="stable")])

@@ -248,8 +248,8 @@ def misfit(problem: Problem) -> Misfit | None:
         zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
     ):
         for rows in filter(len, groups_of(places[:, k])):
-            ways, points = side * normals[rows], corners[k][places[rows[0], k]] - body.seed
-            reaches[rows, k] = ways @ body.seed + rho * (points @ ways.T).max(axis=0)
+            directions, points = side * normals[rows], corners[k][places[rows[0], k]] - body.seed
+            reaches[rows, k] = directions @ body.seed + rho * (points @ directions.T).max(axis=0)
     gaps = -reaches.sum(axis=1)
     if gaps.min() >= 0.0:
         return None

@@ -129,9 +129,9 @@ def _for_editors(schema: Any) -> Any:
     return {**kept, **given}
 
 
-def one_of(*ways: tuple[str, ...]) -> dict[str, Any]:
+def one_of(*alternatives: tuple[str, ...]) -> dict[str, Any]:
     """Return, for a JSON Schema, that the keys of exactly one of these ways are given."""
-    return {"oneOf": [{"required": list(keys)} for keys in ways]}
+    return {"oneOf": [{"required": list(keys)} for keys in alternatives]}
 
 
 class _InOrder(GenerateJsonSchema):

@@ -266,9 +266,9 @@ class Exclusion:
         turned[..., 0] += self.offset - points[:, :]
         turned[..., :-1] -= T[:, None, 9:12, :-1]
         turned[..., -1] += T[:, None, 9:12, -1]
-        way = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
-        along = np.einsum("nvi,nvim->nvm", way, turned)
-        off = np.einsum("nvi,nvi->nv", np.abs(way), turned[..., -1])
+        direction = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
+        along = np.einsum("nvi,nvim->nvm", direction, turned)
+        off = np.einsum("nvi,nvi->nv", np.abs(direction), turned[..., -1])
         low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
         return np.asarray(np.maximum(low.max(axis=1), 0.0))
 

@@ -139,10 +139,10 @@ def none_shorter(problems: Problems, least: float) -> bool:
         rows = np.column_stack([slopes, -values / least])
         held += [rows, -rows]
     for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
-        ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / weights[:, None]
+        directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / weights[:, None]
         met = dict[tuple[int, int], tuple[Array, Array]]()
         for pair, normals, gaps in gaps_of_parts(problem):
-            rows = np.column_stack([-normals @ ways.T, -gaps / least])
+            rows = np.column_stack([-normals @ directions.T, -gaps / least])
             alternatives.append([*(rows[np.unique(rows.round(12), axis=0, return_index=True)[1]] - room)[:, None]])
             if pair is not None:
                 met[pair] = -rows - room, normals
@@ -322,9 +322,9 @@ class _Restored:
         place, determined = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
         low = np.where(determined, np.maximum(low, place - reach), low)
         high = np.where(determined, np.minimum(high, place + reach), high)
-        for ways in (balanced, against):
-            w = (ways[:, None] @ J)[:, 0]
-            fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])
+        for multipliers in (balanced, against):
+            w = (multipliers[:, None] @ J)[:, 0]
+            fixed = Interval(multipliers[:, None], np.zeros_like(multipliers)[:, None])
             off = fixed.contracted(over)[:, 0] - Interval(w)
             level = fixed.contracted(wide).high[:, 0, 0]
             terms = (w * centre).sum(axis=1), -level, -(off.size * half).sum(axis=1)
@@ -343,8 +343,8 @@ class _Restored:
         """Tell in which boxes, (n, j), values at the centre, or what no motion changes of them, exclude all motions."""
         _, half, values, over, jumps = self._about(low, high)
         middle, none = values.middle[:, :, None], np.zeros(len(low), np.bool_)
-        for way in (middle - over.middle @ (np.linalg.pinv(over.middle, rcond=LEAST) @ middle), middle):
-            fixed = Interval(np.swapaxes(way, 1, 2), np.zeros_like(np.swapaxes(way, 1, 2)))
+        for multipliers in (middle - over.middle @ (np.linalg.pinv(over.middle, rcond=LEAST) @ middle), middle):
+            fixed = Interval(np.swapaxes(multipliers, 1, 2), np.zeros_like(np.swapaxes(multipliers, 1, 2)))
             level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
             none |= level - (fixed.contracted(over).size[:, 0] * half).sum(axis=1) / ROUNDED > 0.0
         return none & ~jumps
@@ -371,8 +371,8 @@ def _independent(slopes: Array) -> list[int]:
         if not lengths[best] > LEAST:
             break
         chosen.append(best)
-        way = left[best] / lengths[best]
-        left = left - np.outer(left @ way, way)
+        direction = left[best] / lengths[best]
+        left = left - np.outer(left @ direction, direction)
     return chosen
 
 

@@ -163,9 +163,9 @@ def _leaves_freedom(problem: Problem) -> bool:
     """Tell whether there are shifts along all contacts: their normals span less than the motion does."""
     if not problem.motion.shifts:
         return False
-    ways = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+    directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
     normals = np.vstack([joint.normals for joint in problem.chosen_joints])
-    return bool(np.linalg.matrix_rank(normals @ ways.T, tol=DEFAULT.nominal) < len(ways))
+    return bool(np.linalg.matrix_rank(normals @ directions.T, tol=DEFAULT.nominal) < len(directions))
 
 
 def _large(solution: Solution) -> list[str]:
@@ -180,8 +180,8 @@ def _large(solution: Solution) -> list[str]:
     extents = np.array([np.ptp(rest, axis=0), np.ptp(other, axis=0)])
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
-    open_way = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
-    far = max(LARGE * side, GROWTH * float(change), open_way)
+    open_gap = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
+    far = max(LARGE * side, GROWTH * float(change), open_gap)
     if moved <= far and not through:
         return []
     limited = zip(problem.motion.names, problem.limits, strict=True)

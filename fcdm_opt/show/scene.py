@@ -448,8 +448,8 @@ def draw_numbered(
     written, led = set[str](), 0
     for number, (place, _) in sorted(places.items(), key=lambda own: -own[1][1]):
         away = place - middle
-        way = away if away.any() else np.array([0.0, 1.0])
-        if led < MOST_LED and (far := names.put(number, place, way, colour=BLACK, upon=True)) is not None:
+        direction = away if away.any() else np.array([0.0, 1.0])
+        if led < MOST_LED and (far := names.put(number, place, direction, colour=BLACK, upon=True)) is not None:
             written.add(number)
             led += far > 0.0
     return axes, written
@@ -566,14 +566,14 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Bod
     far = int(lengths.argmax())
     if not lengths[far] > 0.0:
         return np.empty((0, 2))
-    way = steps[far] / lengths[far]
+    direction = steps[far] / lengths[far]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     gap = 0.03 * (right - left)
-    half = max(float(lengths[far]), 2.5 * gap) / 2.0 * way
-    across = np.array([-way[1], way[0]])
+    half = max(float(lengths[far]), 2.5 * gap) / 2.0 * direction
+    across = np.array([-direction[1], direction[0]])
     grid = np.array([(x, y) for x in range(-AROUND, AROUND + 1) for y in range(-AROUND, AROUND + 1)])
     grid = grid[np.argsort(np.abs(grid) @ (0.6, 1.0), kind="stable")]
-    places = there.mean(axis=0) + gap * grid @ np.array([way, across])
+    places = there.mean(axis=0) + gap * grid @ np.array([direction, across])
     low, high = np.array([left + gap / 3.0, bottom]), np.array([right - gap / 3.0, top - gap])
     within = [at for at in places if all(((end >= low) & (end <= high)).all() for end in (at - half, at + half))]
     aside = 0.6 * gap * np.array([[0.0, 0.0], across, -across])  # so far from all bodies

@@ -128,8 +128,8 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
         ball = own.surface.line is None
         centre = origin if ball else origin + (along.min() + along.max()) / 2.0 * axis
         centre = np.where(np.abs(centre) <= DEFAULT.nominal * body.size, 0.0, centre)
-        way = "" if ball else f"axis {direction(axis).removeprefix('+')}"
-        found |= dict.fromkeys(own.faces, (way, f"centre ({numbers(centre.tolist())})"))
+        axis_text = "" if ball else f"axis {direction(axis).removeprefix('+')}"
+        found |= dict.fromkeys(own.faces, (axis_text, f"centre ({numbers(centre.tolist())})"))
     return found
 
 

@@ -48,7 +48,7 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 RESTORED = 8  # last steps, of a motion that turns, to one that does, however large
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
-EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+EVERY, NEAREST_DIRECTIONS = 1_000_000, 8  # of a pair that would overlap on a motion that turns: so many are tried
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
 AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
@@ -483,8 +483,8 @@ class System:
     def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
         """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
         need, size = float(self.task.needs[parts[1]]), self.task.size
-        ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
-        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
+        directions = sorted(scene.separating(parts) or () if scene else (), key=lambda own: -float(own[1].min()))
+        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in directions[:NEAREST_DIRECTIONS]]
         never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
         return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
@@ -529,14 +529,14 @@ class System:
         task, y, found = self.task, self.task.weights * q, list[Rows]()
         scene, tie = Linearised.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit)), DEFAULT.tie * task.size
         for parts in carriers:
-            each = sorted(scene.directions(parts) if scene else (), key=lambda own: -own[1].min())[:NEAREST_WAYS]
+            each = sorted(scene.directions(parts) if scene else (), key=lambda own: -own[1].min())[:NEAREST_DIRECTIONS]
             rows = [np.column_stack([np.where(self.moving, -J, 0.0), gaps]) for J, gaps in each]  # no gap is to be left
             rows = [own[own[:, -1] <= own[:, -1].min() + tie] for own in rows]
             widest = max((own[:, -1].min() for own in rows), default=0.0)
             rows = [own if own[:, -1].min() >= widest - tie else own[:1] for own in rows]
             choices = map(np.array, product(*(own[distinct_rows(own.round(DIGITS))[0]] for own in rows)))
             found += [Rows(x[:, :-1], (x[:, -1] + x[:, :-1] @ y) / task.size) for x in choices if len(x)]
-        rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
+        rest = (self._rows(parts, q, NEAREST_DIRECTIONS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
     def _facing(self, flush: Flush, q: Array, shared: float) -> Rows:
@@ -918,10 +918,10 @@ def _fitted(task: Task) -> Answer:
             near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
         kept = near
         if blocked:
-            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, choices)
-            if ways is None:
+            choice, complete = _choice_of_least_gap(gaps, rates, aligned, kept, choices)
+            if choice is None:
                 return none if complete else failed
-            kept = kept.and_also(ways.normals, ways.levels)
+            kept = kept.and_also(choice.normals, choice.levels)
         fun = _least_gap(gaps, rates, aligned, kept)
         if fun is None and not exact and trusted < FARTHEST:  # so far what overlaps cannot be undone
             trusted *= 4.0
@@ -980,7 +980,7 @@ def _least_gap(gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Ro
     return float(program.fun) if program.status == 0 else None
 
 
-def _ways_of_least_gap(
+def _choice_of_least_gap(
     gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, choices: Choices
 ) -> tuple[Rows | None, bool]:
     """Return the way of each group that is met where the largest gap is least, motions counting little.

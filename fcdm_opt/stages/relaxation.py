@@ -93,7 +93,7 @@ class Relaxation:
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
     _features: set[tuple[object, ...]] = field(default_factory=set)
-    _on_the_way: set[Parts] = field(default_factory=set)
+    _met: set[Parts] = field(default_factory=set)
     _incoherent: bool = False
 
     def __post_init__(self) -> None:
@@ -160,7 +160,7 @@ class Relaxation:
     def _modelled(self) -> dict[str, int]:
         task = self.task
         lines = (*task.tracked, *task.untracked)
-        kept = {*self._planes, *self._on_the_way, *(line.parts for line in lines)}
+        kept = {*self._planes, *self._met, *(line.parts for line in lines)}
         kept |= {self.closing} if self.closing is not None else set()
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
         return task.modelled(
@@ -182,7 +182,7 @@ class Relaxation:
         if not self._is_new(s, *fault.key):
             return False
         self._features.add(fault.key)
-        self._on_the_way.add(fault.parts)
+        self._met.add(fault.parts)
         task, rotation = self.task, pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
         scale = feature.steepness(rotation)
@@ -205,7 +205,7 @@ class Relaxation:
             if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
                 overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
-                    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
+                    values = np.concatenate([overlap.direction / task.unit, overlap.one, overlap.two])
                     name = "flush contacts stay on one another"
                     self._rows.append(Row(("over",), values, least / task.unit, INF, name))
                     added = True

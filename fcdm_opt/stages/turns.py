@@ -133,21 +133,21 @@ class _TurnSearch:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
             return Bound(0.0, float(best[0]), None, bool(best[0] == 0))
-        pool = self._ways()
-        ways, cells = np.array([[0, len(pool)]]), 0
-        self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
+        pool = self._separating_features()
+        ranges, cells = np.array([[0, len(pool)]]), 0
+        self._advance(self.touching, np.zeros((1, 7)), ranges, pool, best, gap)  # a cell of no size: what it tries
         touching = self.near(float(best[0]))
         most = share * min(MOST_CELLS, WORK / max(1, len(touching) + len(self.apart)))
         nodes = self._root(float(best[0]))
         while len(nodes) and cells + len(nodes) <= most and not pacing.over():
             cells += len(nodes)
-            nodes, ways, pool = self._advance(touching, nodes, ways, pool, best, gap)
+            nodes, ranges, pool = self._advance(touching, nodes, ranges, pool, best, gap)
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
         return Bound(lower, least, q, not len(nodes))
 
-    def _ways(self) -> Ints:
+    def _separating_features(self) -> Ints:
         """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""
         made = [np.empty((0, 4), np.int64)]
         for k, (i, j) in enumerate(self.apart.tolist()):
@@ -188,11 +188,11 @@ class _TurnSearch:
         q[self.rotations] = best[1 : 1 + len(self.rotations)] / task.weights[self.rotations]
         if len(self.apart):
             _, rows, gaps = task.separations((0, 0), task.pose(q))
-            ways = rows[:, :3] @ self.metric
-            depths = (task.need - gaps) / np.linalg.norm(ways, axis=1)
+            normals = rows[:, :3] @ self.metric
+            depths = (task.need - gaps) / np.linalg.norm(normals, axis=1)
             k = int(depths.argmin())
             if gaps[k] <= 0:
-                y = -max(float(depths[k]), 0.0) / np.linalg.norm(ways[k]) * ways[k]
+                y = -max(float(depths[k]), 0.0) / np.linalg.norm(normals[k]) * normals[k]
         q[self.translations] = y / task.weights[self.translations]
         return q
 

@@ -88,7 +88,7 @@ class Shadow:
         if self.start.basis is None:
             return []
         one = Vertex.of(self.start.basis.maximised(_AXES[0]))
-        others = (Vertex.of(one.basis.maximised(way)) for way in _AXES[1:])
+        others = (Vertex.of(one.basis.maximised(axis)) for axis in _AXES[1:])
         two = next((other for other in others if other.point != one.point), None)
         if two is None:  # all entries of z are largest there
             return []

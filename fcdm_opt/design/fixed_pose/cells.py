@@ -36,7 +36,7 @@ class Witnesses(NamedTuple):
     shares: Array
     parts: Ints
     sizes: Array
-    ways: tuple[Array, ...]
+    directions: tuple[Array, ...]
 
 
 NO_WITNESSES = Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())
@@ -122,7 +122,7 @@ class Search:
             if _bounded(own, other, float(moved.sum()))[1][0] > 2.0 * self.slack:
                 node.bound = np.inf
                 return
-        rows, (bound, value, shares, kinds, ways, scores) = _bounded(worst, T, float(moved.sum()))
+        rows, (bound, value, shares, kinds, normals, scores) = _bounded(worst, T, float(moved.sum()))
         if not np.isfinite(bound):
             bound = -np.inf
         chosen = np.flatnonzero(shares > NEGLIGIBLE)
@@ -130,7 +130,7 @@ class Search:
         kind, place, size = kinds[chosen].T
         short = kind != kernels.DIRECTED
         parts[short] = rows.pairs[place[short]]
-        directions = tuple(np.empty((0, 3)) if own else ways[s] for own, s in zip(short, size, strict=True))
+        directions = tuple(np.empty((0, 3)) if own else normals[s] for own, s in zip(short, size, strict=True))
         node.witnesses = Witnesses(kind, shares[chosen], parts, worst.active[size], directions)
         width, turning = node.high - node.low, worst.problem.motion.turning
         if self.amounts:

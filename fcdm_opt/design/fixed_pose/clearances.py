@@ -68,10 +68,10 @@ class EndOfRange(Plain):
     @classmethod
     def of(cls, scene: BodyGaps | ContactGaps, rows: Any, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
-        gap, rho, parts, way = extreme
+        gap, rho, parts, direction = extreme
         feature = scene.feature(rows, extreme)
         found = cls(
-            gap=gap, rho=frozen(rho), parts=parts, feature=feature.label, direction=frozen(way), names=scene.names
+            gap=gap, rho=frozen(rho), parts=parts, feature=feature.label, direction=frozen(direction), names=scene.names
         )
         return replace(found, between=scene.in_words(feature))
 

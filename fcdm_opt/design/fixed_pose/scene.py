@@ -67,9 +67,9 @@ class GapRows:
 
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""
-        found, owners, ways = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
+        found, owners, directions = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
         i, j = self.pairs[owners[0]].tolist()
-        return Extreme(float(found[0]), frozen(rho), (i, j), frozen(ways[0]))
+        return Extreme(float(found[0]), frozen(rho), (i, j), frozen(directions[0]))
 
 
 class SizedBodies:

@@ -126,8 +126,8 @@ def variable_of(entry: Any, where: str, folder: Path) -> Variable:
     """Return the variable of a [[vary]] table; `folder` is where paths in it start."""
     keys = (entry.key,) if isinstance(entry.key, str) else tuple(entry.key)
     try:
-        way, values = _values(entry, keys, folder)
-        return Variable(keys, values, entry.label or "", entry.names or (), where, f"{where}.{way}")
+        source, values = _values(entry, keys, folder)
+        return Variable(keys, values, entry.label or "", entry.names or (), where, f"{where}.{source}")
     except InputError as reason:
         if reason.file is not None or (reason.key or "").startswith(where):
             raise
