@@ -314,13 +314,13 @@ class _Solving:
 
 def _groups(assembly: Assembly, pairs: Sequence[JoinedPair]) -> Iterator[list[JoinedPair]]:
     """Yield the contacts in groups that share no motion."""
-    left = [(pair, set(assembly.sharing([pair]))) for pair in pairs]
-    while left:
-        pair, parts = left.pop(0)
+    remaining = [(pair, set(assembly.sharing([pair]))) for pair in pairs]
+    while remaining:
+        pair, parts = remaining.pop(0)
         group, grown = [pair], True
         while grown:
-            near = [own for own in left if own[1] & parts]
-            grown, left = bool(near), [own for own in left if not own[1] & parts]
+            near = [own for own in remaining if own[1] & parts]
+            grown, remaining = bool(near), [own for own in remaining if not own[1] & parts]
             group += [own for own, _ in near]
             parts = parts.union(*(own for _, own in near))
         yield group

@@ -119,12 +119,12 @@ class March:
             *(group for rest in rests for group in rest.groups),
         ]
         made, causes = [own for own, _ in groups], [cause for _, cause in groups]
-        together, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
-        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(together))
+        joined, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
+        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(joined))
         always = tied.copy()
-        always[always] = others.vanishing(together.chosen(always))
-        left = ~np.isin(numbers, numbers[always])  # one of a group is enough
-        return tracked, others, causes, together.chosen(left), numbers[left], tied[left]
+        always[always] = others.vanishing(joined.chosen(always))
+        kept = ~np.isin(numbers, numbers[always])  # one of a group is enough
+        return tracked, others, causes, joined.chosen(kept), numbers[kept], tied[kept]
 
     def _stretch(self, x: float, span: float = 0.0) -> RayStretch:
         return self._ray.stretch(x, span, self._tracked)

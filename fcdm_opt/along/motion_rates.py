@@ -156,9 +156,9 @@ def motion_rates(
         elif sure:
             pulls = [m * own.mixed @ move for m, own, move in zip(multipliers, held, moves, strict=True) if m]
             dq = np.linalg.solve(system, np.append(sum(pulls, np.zeros(len(q))), -off[used]))[: len(q)]
-            left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
+            others = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
             near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
-            dq, why = (dq, "") if np.abs(left).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
+            dq, why = (dq, "") if np.abs(others).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
         motions.append(dq)
         reasons.append(why)
         amounts.append(-_alike(held, slopes / weights, off, used, multipliers) / unit)

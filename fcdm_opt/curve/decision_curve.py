@@ -137,7 +137,7 @@ class DecisionCurve(NotebookRepr, Plain):
             if run:
                 branches.append(Branch(tuple(run)))
         for rho, one, two in [] if self._convex else self._union.alone:
-            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._circumradii)
             if in_box(rho, self.box) and abs(self.near_gap(rho, near)) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
                 points.append(self._switching_point(*runs, len(points) + 1, alone=True))
@@ -193,7 +193,7 @@ class DecisionCurve(NotebookRepr, Plain):
         (a, b), (c, d) = ((low, min(high, 2.0 * low + 1.0)) for low, high in self.box)
         places = np.array([(a + p * (b - a), c + q * (d - c)) for p, q in _SHARES])
         # parts that touch at all scales may overlap by rounding, and at a single scale pair parts may just fit
-        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._circumradii)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
 
     def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
@@ -277,7 +277,7 @@ class DecisionCurve(NotebookRepr, Plain):
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
         near = tolerance * np.abs(point).max()
-        most = 2.0 * near * float(self._reach.sum())
+        most = 2.0 * near * float(self._circumradii.sum())
         if point.min() > 0 and abs(self.near_gap(point, most)) > most:
             return None  # a change of the scales by `near` closes no such gap
         each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
@@ -316,9 +316,9 @@ class DecisionCurve(NotebookRepr, Plain):
         return whole
 
     @cached_property
-    def _reach(self) -> Array:
+    def _circumradii(self) -> Array:
         """Largest distance of a vertex from the seed of either body, (2,)."""
-        return np.array([max(part.reach for part in body.parts) for body in (self.movable, self.static)])
+        return np.array([max(part.circumradius for part in body.parts) for body in (self.movable, self.static)])
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
@@ -377,7 +377,7 @@ class DecisionCurve(NotebookRepr, Plain):
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = np.ascontiguousarray(pairs.reshape(-1, 2))
         gaps, positive = self._of_parts(flat), (flat > 0).all(axis=1)
-        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
+        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._circumradii)
         for k in np.flatnonzero(positive & (np.abs(gaps) <= near)) if settled else ():  # rounding would decide
             gaps[k] = self._exact_gap(flat[k], near[k])
         for k in np.flatnonzero(positive) if kept_as_surface(self.movable, self.static) else ():

@@ -95,8 +95,8 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
             u, v = pieces[known.piece, 2:4].tolist()
             opposed = not x * u + y * v > 0.0
             lo, hi = (-known.hi, -known.lo) if opposed else (known.lo, known.hi)
-            left = _less(rest, lo, hi, scale)
-            if np.array_equal(left, rest):
+            remaining = _less(rest, lo, hi, scale)
+            if np.array_equal(remaining, rest):
                 continue
             if opposed:
                 begin, end = max(known.lo, -own.hi), min(known.hi, -own.lo)
@@ -106,7 +106,7 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
                 kept[place] = None
             else:
                 kept[place] = known._replace(dropped=True)
-            rest = left
+            rest = remaining
         kept += [Stretch(own.piece, p, q) for p, q in rest.tolist()]
     return [known for known in kept if known is not None]
 
@@ -120,8 +120,8 @@ def on_line(table: Array, base: Array, travel: Array) -> Flags:
 
 def _less(spans: Array, lo: float, hi: float, scale: float) -> Array:
     """Return what an open interval leaves of closed ones, but for slivers."""
-    left = np.concatenate([spans, spans])
-    return left[: kernels.take_out(left, np.empty_like(left), len(spans), lo, hi, DEFAULT.line, scale, False)]
+    rest = np.concatenate([spans, spans])
+    return rest[: kernels.take_out(rest, np.empty_like(rest), len(spans), lo, hi, DEFAULT.line, scale, False)]
 
 
 def _chained(kept: list[Stretch], pieces: Array, parts: Sequence[tuple[int, int]]) -> list[list[Stretch]]:

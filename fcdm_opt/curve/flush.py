@@ -139,8 +139,8 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     # are no contact of their own
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
-    reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
-    slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ reach)
+    radii = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
+    slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ radii)
     found: dict[Feature, Flush] = {}
     for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
         one, two, tight = movable.parts[i], static.parts[j], rows[separations >= -slack, :3]

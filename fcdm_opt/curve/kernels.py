@@ -341,7 +341,7 @@ def _all_around(reals, ints, face, sign, ray, bound):
 
 
 @step
-def _left_through(reals, ints, ray):
+def _exit_face(reals, ints, ray):
     """Return the face that the line of a ray from the seed leaves the part through; -1: it misses, -2: cannot tell."""
     count, inside = ints[0], reals[ints[0] + ints[1], 2] > 0.0
     radius, length = reals[ints[0] + ints[1], 0], _length(ray)
@@ -392,7 +392,7 @@ def _seed_ray(reals, ints, ray):
 
     State 0: missed, 1: hit, 2: cannot tell.
     """
-    out = _left_through(reals, ints, ray)
+    out = _exit_face(reals, ints, ray)
     if out < 0:
         return (0 if out == -1 else 2), -1, -1
     if reals[ints[0] + ints[1], 2] > 0.0:
@@ -400,7 +400,7 @@ def _seed_ray(reals, ints, ray):
     side = _seed_side(reals, ints, out)
     if side != 1:
         return (0 if side == -1 else 2), -1, -1
-    into = _left_through(reals, ints, _times(-1.0, ray))
+    into = _exit_face(reals, ints, _times(-1.0, ray))
     side = _seed_side(reals, ints, into) if into >= 0 else 0
     if side == 0:
         return 2, -1, -1
@@ -1545,8 +1545,8 @@ def _clipped(points, place, k, count, endless, line, box, least):
     """Return what `clip` returns of segment k of a chain whose points begin at a place."""
     start, end = points[place + k], points[place + k + 1]
     if endless & 2 and k == 0:
-        left, u, v, x, y = clip(end, start, True, line, box, least)
-        return left, x, y, u, v
+        inside, u, v, x, y = clip(end, start, True, line, box, least)
+        return inside, x, y, u, v
     return clip(start, end, endless & 1 and k == count - 1, line, box, least)
 
 
@@ -1640,8 +1640,8 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
         back = _hanging(rows, points, first, first + best, count, box, least) if endless == 0 else 0
         for index in range(-back, count - back):
             k = index % count if forward > 0 else count - 1 - index
-            left, x, y, u, v = _clipped(points, first + best, k, count, endless, rows[first + k, 3:], box, least)
-            if not left:
+            inside, x, y, u, v = _clipped(points, first + best, k, count, endless, rows[first + k, 3:], box, least)
+            if not inside:
                 continue
             for entry in range(6):
                 all_rows[kept, entry] = rows[first + k, entry]
@@ -2152,14 +2152,14 @@ def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, 
     """
     found, used = np.empty((64, 3)), 0
     most = 2 * len(members) + 2  # one that grazes leaves a point besides
-    left, room = np.empty((most, 2)), np.empty((most, 2))
+    rest, room = np.empty((most, 2)), np.empty((most, 2))
     for cell in range(len(cells)):
         for m in range(shares[cell], shares[cell + 1]):
             own = members[m]
             for piece in range(piece_starts[own], piece_starts[own + 1]):
                 base, travel = (pieces[piece, 0], pieces[piece, 1]), (pieces[piece, 2], pieces[piece, 3])
-                left[0, 0], left[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
-                count = 1 if left[0, 0] < left[0, 1] else 0
+                rest[0, 0], rest[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
+                count = 1 if rest[0, 0] < rest[0, 1] else 0
                 scale = max(np.abs(base[0]) + np.abs(base[1]), limits[3])
                 for k in range(shares[cell], shares[cell + 1]):
                     other = members[k]
@@ -2167,11 +2167,11 @@ def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, 
                         break
                     if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
                         lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
-                        count = take_out(left, room, count, lo, hi, limits[1], scale, True)
+                        count = take_out(rest, room, count, lo, hi, limits[1], scale, True)
                 if used + count > len(found):
                     found = _longer(found, 2 * len(found) + count)
                 for k in range(count):
-                    found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
+                    found[used, 0], found[used, 1], found[used, 2] = piece, rest[k, 0], rest[k, 1]
                     used += 1
     return found[:used]
 

@@ -79,10 +79,10 @@ def relevant_pairs(
                 continue
             beyond, level = pairs.inside(code, codes, cell)
             # of those that end with it the first stays, whichever was tried
-            left = (codes == code) | beyond | (level & (codes < code))
-            if (level & ~left).any():
+            chosen = (codes == code) | beyond | (level & (codes < code))
+            if (level & ~chosen).any():
                 shared.add(code)
-            codes, depths = codes[left], depths[left]
+            codes, depths = codes[chosen], depths[chosen]
         if len(codes) > _FEW and depth < _DEPTH:
             x0, x1, y0, y1 = cell
             x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)

@@ -129,14 +129,14 @@ def _count(corners, w, least):
 def _kept(own, corners, w, least):
     """Return the vertices, and their places, that are no lower than that."""
     count = _count(corners, w, least)
-    left, places, made = np.empty(count, np.int64), np.empty((count, 3)), 0
+    kept, places, made = np.empty(count, np.int64), np.empty((count, 3)), 0
     for k in range(len(corners)):
         if _dot(w, _at(corners, k)) >= least:
-            left[made] = own[k]
+            kept[made] = own[k]
             for axis in range(3):
                 places[made, axis] = corners[k, axis]
             made += 1
-    return left, places
+    return kept, places
 
 
 @light

@@ -393,8 +393,8 @@ def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
     """Return limits of a motion that keep it short, but hold what was found to be needed."""
     shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
     longest = max((abs(answer.parameters[name]) for answer in choice.usable.values() for name in shifts), default=0.0)
-    reach = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
-    return parameter_table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
+    bound = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
+    return parameter_table(motion, f"[{-bound!r}, {bound!r}]", "[-10, 10]")
 
 
 # --------------------------------------------------------------------------------------------------- parts of the text

@@ -137,7 +137,7 @@ class ConvexPart(_Sealed):
         return frozen(table, np.int64)
 
     @cached_property
-    def reach(self) -> float:
+    def circumradius(self) -> float:
         """Largest distance of a vertex from the seed."""
         return float(np.linalg.norm(self.vertices - self.seed, axis=1).max())
 

@@ -106,26 +106,26 @@ def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
             for other in triangles.T:
                 apart = column[one] != other[two]
                 one, two = one[apart], two[apart]
-        left = not_separated(points[triangles[one]], points[triangles[two]])
-        yield one[left], two[left]
+        kept = not_separated(points[triangles[one]], points[triangles[two]])
+        yield one[kept], two[kept]
 
 
 def not_separated(one: Array, two: Array) -> Ints:
     """Return the pairs of triangles, (m, 3, 3), that no plane across an axis keeps apart by more than rounding."""
     # across a triangle, along a side of both, or through a side and across its triangle
     one, two = one - one[:, :1], two - one[:, :1]
-    reach = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
+    extent = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
     directions = np.concatenate([following(own) - own for own in (one, two)], axis=1)
     normals = np.stack([cross(directions[:, 0], directions[:, 1]), cross(directions[:, 3], directions[:, 4])], axis=1)
-    directions, left = np.concatenate([directions, normals], axis=1), np.arange(len(one))
+    directions, candidates = np.concatenate([directions, normals], axis=1), np.arange(len(one))
     sides = product(range(3), range(3, 6))
     for i, j in ((0, 1), (3, 4), *sides, (6, 0), (6, 1), (6, 2), (7, 3), (7, 4), (7, 5)):
-        axis = cross(directions[left, i], directions[left, j])
-        heights = ([dots(own[left, k], axis) for k in range(3)] for own in (one, two))
+        axis = cross(directions[candidates, i], directions[candidates, j])
+        heights = ([dots(own[candidates, k], axis) for k in range(3)] for own in (one, two))
         (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
         gap = np.maximum(under - high, low - over)
-        left = left[~(gap > ROUNDING * reach[left] * norms(axis))]
-    return left
+        candidates = candidates[~(gap > ROUNDING * extent[candidates] * norms(axis))]
+    return candidates
 
 
 def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:

@@ -377,18 +377,18 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         bounds = distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
         if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
-        left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
-        within, radii = contains(centres[left]), norms(triangles[left] - centres[left, None]).max(axis=1)
+        pending = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
+        within, radii = contains(centres[pending]), norms(triangles[pending] - centres[pending, None]).max(axis=1)
         # exactly: of all triangles that may be nearer than the nearest sample
-        found = tree.query_ball_point(centres[left], off[left, 0] + SPACING)
+        found = tree.query_ball_point(centres[pending], off[pending, 0] + SPACING)
         there = np.array(
             [
                 distances(x[None, None], surface[np.unique(owners[own])]).min()
-                for x, own in zip(centres[left], found, strict=True)
+                for x, own in zip(centres[pending], found, strict=True)
             ]
         )
-        bounds[left] = np.minimum(bounds[left], np.where(within, 0.0, there) + radii)
-        bounds[left[within & (there > radii)]] = 0.0  # inside as a whole
+        bounds[pending] = np.minimum(bounds[pending], np.where(within, 0.0, there) + radii)
+        bounds[pending[within & (there > radii)]] = 0.0  # inside as a whole
         known = max(known, float(there[~within].max(initial=0.0)))
         good = bounds <= max(FINEST, (1 + SHARE) * known)
         closed = max(closed, float(bounds[good].max(initial=0.0)))

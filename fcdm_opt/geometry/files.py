@@ -499,11 +499,11 @@ def _sharpened(
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
     curved = [surface.deviations(moved[own]) for surface, own in known if not surface.flat]
-    left, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
+    errors, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
     if len(known) < len(faces.triangles):
         bound = DEFAULT.tessellation * float(np.ptp(distinct, axis=0).max()) if deviation is None else deviation
-        left.append(np.full(2, bound))
-    out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
+        errors.append(np.full(2, bound))
+    out, short = np.max(errors, axis=0, initial=0.0).tolist() if errors else (0.0, 0.0)
     return moved[faces.same], (out, short), [surface for surface, _ in known], bound
 
 

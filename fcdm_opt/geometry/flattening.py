@@ -205,8 +205,8 @@ def sections(points: Array, triangles: Ints, slack: float) -> list[Ints]:
         return []
     corners, groups = np.unique(edges), list[Ints]()
     free, (a, b) = np.ones((len(edges), len(edges)), bool), points[edges.T]
-    reach = norms(a + b - (a + b)[:, None])
-    for one, near in enumerate(np.argsort(reach, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
+    distances = norms(a + b - (a + b)[:, None])
+    for one, near in enumerate(np.argsort(distances, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
         for two in near:
             spokes = points[edges[[one, two]].ravel()] - a[one]
             normals = cross(spokes[1], spokes[2:])

@@ -200,7 +200,7 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
     """
     found, x, y = np.full((len(frames), 4), np.nan), np.empty((len(points), 3)), np.empty((len(others), 3))
     normals, hands = np.empty((len(planes), 3)), np.empty(len(faces), np.int8)
-    room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
+    room, rooms = ROUNDING * _circumradius(points), ROUNDING * _circumradius(others)
     for k in range(len(frames)):
         frame = frames[k]
         if np.isnan(frame[UNIT]):
@@ -272,7 +272,7 @@ def _wider(best, i, j, n, x, y, direction):
 
 
 @step
-def _reach(points):
+def _circumradius(points):
     """Return how far points are from the seed."""
     square = 0.0
     for m in range(len(points)):

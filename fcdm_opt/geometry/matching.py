@@ -91,10 +91,10 @@ def _incidences(
     planes = ([own[its] for own in body.face_planes] for body, its in zip(bodies, kept, strict=True))
     normals, bases = (np.concatenate(own) for own in zip(*planes, strict=True))
     levels = (normals * bases).sum(axis=1)
-    first, reach = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
+    first, margin = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
     rows = np.concatenate(every)
     low, high = (end.reduceat(points[rows], first[:-1]) for end in (np.minimum, np.maximum))
-    found = np.concatenate([np.column_stack(pair) for pair in overlapping(low - reach, high + reach, owner)])
+    found = np.concatenate([np.column_stack(pair) for pair in overlapping(low - margin, high + margin, owner)])
     plane, other = np.concatenate([found, found[:, ::-1]]).T
     size = np.diff(first)[other]
     pair, start = np.repeat(np.arange(len(other)), size), np.cumsum(size) - size
@@ -104,7 +104,7 @@ def _incidences(
     same = [np.column_stack([plane, other])[np.bincount(pair, ~on, len(other)) == 0]]
     least, most = (end.reduceat(np.where(on[:, None], points[corner], np.nan), start) for end in (np.fmin, np.fmax))
     # where corners on a plane, or the edges between them, meet its face
-    met = on & ((most >= low[plane] - reach) & (least <= high[plane] + reach)).all(axis=1)[pair]
+    met = on & ((most >= low[plane] - margin) & (least <= high[plane] + margin)).all(axis=1)[pair]
     touched, end = np.column_stack([at, corner])[met], 0
     for some, body in zip(faces, bodies, strict=True):
         begin, end = end, end + len(some)

@@ -270,16 +270,16 @@ def cover(
     - `cells`: a partition of it.
     - `targets`: largest pieces still to be covered that a part is grown around, of which the best is taken.
     """
-    left, parts = list(cells), list[Cell]()
-    while left:
+    remaining, parts = list(cells), list[Cell]()
+    while remaining:
         options = list[tuple[float, int, Cell, list[Cell]]]()
-        for target in sorted(left, key=space.volume, reverse=True)[:targets]:
-            if (part := _grown(space, hull, facets, seed, target, left)) is not None:
-                rest = [own for piece in left for own in _less(space, piece, part)]
+        for target in sorted(remaining, key=space.volume, reverse=True)[:targets]:
+            if (part := _grown(space, hull, facets, seed, target, remaining)) is not None:
+                rest = [own for piece in remaining for own in _less(space, piece, part)]
                 options.append((sum(map(space.volume, rest)), len(options), part, rest))
         if not options or len(parts) == most:
             return None
-        *_, part, left = min(options, key=lambda option: option[:2])
+        *_, part, remaining = min(options, key=lambda option: option[:2])
         parts.append(part)
     for part in list(parts):
         others = [own for own in parts if own is not part]
@@ -289,12 +289,12 @@ def cover(
 
 
 def _grown(
-    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: Cell, left: Sequence[Cell]
+    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: Cell, remaining: Sequence[Cell]
 ) -> Cell | None:
     """Return a convex part of the solid that holds the seed and the middle of the target, and much of what is left."""
     middle = space.local[target.points].mean(axis=0)
-    weights = np.concatenate([np.full(len(own.points), space.volume(own)) for own in left])
-    points = np.concatenate([own.points for own in left])
+    weights = np.concatenate([np.full(len(own.points), space.volume(own)) for own in remaining])
+    points = np.concatenate([own.points for own in remaining])
     total = max(float(weights.sum()), float(np.finfo(float).tiny))
     whole: Cell | None = cell
     while whole is not None:
@@ -347,7 +347,7 @@ def _less(space: Arrangement, cell: Cell, part: Cell) -> list[Cell]:
 
 
 def _without(space: Arrangement, cell: Cell, others: Sequence[Cell]) -> list[Cell]:
-    left = [cell]
+    remaining = [cell]
     for other in others:
-        left = [piece for own in left for piece in _less(space, own, other)]
-    return left
+        remaining = [piece for own in remaining for piece in _less(space, own, other)]
+    return remaining

@@ -238,23 +238,23 @@ def _cross2(u: Array, v: Array) -> Array:
 def _ears(flat: Array, slack: float) -> Ints | None:
     """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself."""
     # an ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side
-    left = np.arange(len(flat))
+    remaining = np.arange(len(flat))
     ears = []
-    while len(left) > 3:
-        u, v, w = flat[np.roll(left, 1)], flat[left], flat[np.roll(left, -1)]
+    while len(remaining) > 3:
+        u, v, w = flat[np.roll(remaining, 1)], flat[remaining], flat[np.roll(remaining, -1)]
         longest = np.sqrt(np.max([((x - y) ** 2).sum(axis=1) for x, y in ((u, v), (v, w), (w, u))], axis=0))
         height = _cross2(v - u, w - v) / np.maximum(longest, np.finfo(float).tiny)
         for k in np.argsort(-height, kind="stable").tolist():
             if height[k] <= slack:
                 return None
-            three = np.array([k - 1, k, (k + 1) % len(left)]) % len(left)
-            if not _covered(flat[left[three]], np.delete(flat[left], three, axis=0), slack):
-                ears.append(left[three])
-                left = np.delete(left, k)
+            three = np.array([k - 1, k, (k + 1) % len(remaining)]) % len(remaining)
+            if not _covered(flat[remaining[three]], np.delete(flat[remaining], three, axis=0), slack):
+                ears.append(remaining[three])
+                remaining = np.delete(remaining, k)
                 break
         else:
             return None
-    return np.array([*ears, left])
+    return np.array([*ears, remaining])
 
 
 def _covered(triangle: Array, points: Array, slack: float) -> bool:

@@ -2,7 +2,7 @@
 
 A convex part is { x : n_f . x <= b_f + delta_f }. A corner where three facets meet moves linearly with their offsets.
 Where more meet it stays one corner if the offsets agree, else it splits: all triples of its facets are kept. This is
-how the part stands as long as no corner crosses a facet that it is not on (`Resizing.reach`).
+how the part stands as long as no corner crosses a facet that it is not on (`Resizing.valid_up_to`).
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Resizing:
             found.append((float(factor.min()), self.named(own, facet)))
         return found
 
-    def reach(self, low: Array, high: Array) -> tuple[float, str]:
+    def valid_up_to(self, low: Array, high: Array) -> tuple[float, str]:
         """Return the least of all parts'."""
         return min(self.reaches(low, high), key=lambda own: own[0])
 
@@ -688,7 +688,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     on = np.zeros((0, len(levels)), bool) if corners is None else np.abs(corners @ part.normals.T - levels) <= near
     if corners is None or (len(moving.parts) == 1 and on.sum(axis=0).min() < 3):
         gone = facet if corners is None else int(on.sum(axis=0).argmin())
-        share = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))[0]
+        share = moving.valid_up_to(np.minimum(values, 0.0), np.maximum(values, 0.0))[0]
         with _at(moving.body, moving.sizes, values):
             allowed = f"deviations of less than {100.0 * share:.4g} % of these"
             raise InputError(f"what it has beside {moving.named(own, gone)} vanishes", allowed=allowed)

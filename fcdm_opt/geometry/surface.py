@@ -210,12 +210,12 @@ def straightened(
     points: Array, edges: Mapping[tuple[int, int], frozenset[int]]
 ) -> dict[tuple[int, int], frozenset[int]]:
     """Return edges, each with the faces beside it, with those joined that go on straight between the same faces."""
-    left = dict(edges)
+    merged = dict(edges)
     at = defaultdict[tuple[int, frozenset[int]], list[tuple[int, int]]](list)
-    for edge, beside in edges.items():
+    for edge, faces in edges.items():
         for v in edge:
-            at[v, beside].append(edge)
-    for (v, beside), own in at.items():
+            at[v, faces].append(edge)
+    for (v, faces), own in at.items():
         if len(own) != 2:
             continue
         (a, b), (c, d) = own
@@ -225,8 +225,8 @@ def straightened(
         if u @ w < 0 and norms(cross(u, w)) <= DEFAULT.nominal * max(lengths) * min(lengths):
             joined = (min(one, two), max(one, two))
             for edge in own:
-                left.pop(edge, None)
-            left[joined] = beside
+                merged.pop(edge, None)
+            merged[joined] = faces
             for end in (one, two):
-                at[end, beside] = [joined if edge in own else edge for edge in at[end, beside]]
-    return left
+                at[end, faces] = [joined if edge in own else edge for edge in at[end, faces]]
+    return merged

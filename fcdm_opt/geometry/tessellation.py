@@ -172,13 +172,13 @@ class Swept(NamedTuple):
         # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
         # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
         # what is left where the rim is cut off at more than 27 degrees
-        left = self.deviations(corners)
+        off = self.deviations(corners)
         if self.line is None:
-            return left
+            return off
         one, two, three = corners.transpose(1, 0, 2)
         normals = cross(two - one, three - one)
         tilt = np.abs(normals @ self.axis) / np.maximum(norms(normals), _TINY) - abs(self.line[1])
-        return np.asarray(left * (1.0 + 2.0 * np.abs(tilt))[:, None])
+        return np.asarray(off * (1.0 + 2.0 * np.abs(tilt))[:, None])
 
 
 class Surfaces(NamedTuple):

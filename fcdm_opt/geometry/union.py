@@ -86,21 +86,21 @@ class _Walls:
         for part in np.flatnonzero(near).tolist():
             if part == self._part[k]:
                 continue
-            own, left = slice(*self._starts[part : part + 2]), list[Array]()
+            own, remaining = slice(*self._starts[part : part + 2]), list[Array]()
             normals, levels = self.normals[own], self.levels[own]
             for whole in pieces:
                 piece, heights = whole, whole @ normals.T - levels
                 beside = heights.min(axis=0) > slack
                 level = (np.abs(heights).max(axis=0) <= slack) & (normals @ self.normals[k] >= DEFAULT.nominal)
                 if (beside | level).any():
-                    left.append(whole)
+                    remaining.append(whole)
                     continue
                 for plane in np.flatnonzero(heights.max(axis=0) > slack).tolist():
                     above = piece @ normals[plane] - levels[plane]
                     if len(piece) and above.max() > slack:
-                        left.append(clipped(piece, above))
+                        remaining.append(clipped(piece, above))
                         piece = clipped(piece, -above)
-            pieces = [piece for piece in left if len(piece) > 2]
+            pieces = [piece for piece in remaining if len(piece) > 2]
         return pieces
 
     def grouped(self, shown: list[int]) -> list[list[int]]:

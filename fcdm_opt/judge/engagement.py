@@ -46,7 +46,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 GROWTH = 2.0  # times what the sizes change: parts that reach into each other by less may be taken apart by that alone
-LEFT = 0.1  # parts that reach into each other by less than this share of what they do as drawn are held no more
+HELD_SHARE = 0.1  # parts that reach into each other by less than this share of what they do as drawn are held no more
 TURN, MOST_STEPS = 0.2, 32  # in steps of at most so many radians a motion that turns is looked at, and in no more
 ALIKE = 0.1  # displacements that differ by less than this share of one of them are looked along once
 
@@ -97,7 +97,7 @@ def passage(problem: Problem, shift: Array) -> tuple[float, float]:
         ends[side] = min(ends[side], sign * past / length, key=abs)
         deep = _depth(points, others, sign * shift / length)
         if deep > GROWTH * change:
-            ends[side] = min(ends[side], sign * (1.0 - LEFT) * deep / length, key=abs)
+            ends[side] = min(ends[side], sign * (1.0 - HELD_SHARE) * deep / length, key=abs)
     return ends[0], ends[1]
 
 
@@ -228,7 +228,7 @@ def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]]
     if not length > GROWTH * change:
         return False
     deep = _depth(drawn[0], drawn[1], ahead)
-    if not deep > GROWTH * change or (not past and _depth(end, others, ahead) > LEFT * deep):
+    if not deep > GROWTH * change or (not past and _depth(end, others, ahead) > HELD_SHARE * deep):
         return False
     overlap = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)  # to be taken apart by the motion
     return deep > GROWTH * (change + overlap)

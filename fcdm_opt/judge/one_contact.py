@@ -291,10 +291,10 @@ class OneContact:
         corners, none = (self._scene.movable[i], self._scene.obstacles[j].vertices), np.zeros(3)
         x, w = (p + d) @ R, p + need * n
         if contact.kind == F1V2:
-            normals, levels = _planes_within_reach(self.problem.active[0].parts[i], corners[0], need, n @ R)
+            normals, levels = _near_planes(self.problem.active[0].parts[i], corners[0], need, n @ R)
             off = float(distances_from(w[None], corners[1])[0])
             return F1V2, self._numbers(-normals, none, none, w, levels - off - self._rounding)
-        normals, levels = _planes_within_reach(self._scene.obstacles[j].part, corners[1], need, -n)
+        normals, levels = _near_planes(self._scene.obstacles[j].part, corners[1], need, -n)
         if contact.kind == V1F2:
             off = float(distances_from(x[None], corners[0])[0])
             return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding)
@@ -308,7 +308,7 @@ class OneContact:
         return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding, along, slopes, y)
 
 
-def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
+def _near_planes(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
     """Return planes below all of which all is in a part, or nearer to it than a length; one is across n if may be."""
     # normals, (f, 3), and levels, (f,)
     if need > 0.0:

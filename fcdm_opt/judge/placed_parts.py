@@ -58,12 +58,12 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
         for keep_out in assembly.keep_out:
             check = certificate.keep_out_check(keep_out, made[part], scales[part], poses[part], limit, tolerances)
             checks.append(check._replace(name=kept_clear_by(part, keep_out.name)))
-    left = out_of_place(solution, poses)
-    text = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)
+    outside = out_of_place(solution, poses)
+    text = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in outside)
     moved = any(any(own) for own in q.values())
     agrees = solution.status is not Status.NOT_VERIFIED and not (solution.status is Status.ALREADY_SATISFIED and moved)
-    agrees &= bool(left) is (solution.status is Status.OUTSIDE_FIT)
-    checks.append(Check(IN_PLACE, agrees, len(left), 0.0, text or "no part leaves its fit in another one"))
+    agrees &= bool(outside) is (solution.status is Status.OUTSIDE_FIT)
+    checks.append(Check(IN_PLACE, agrees, len(outside), 0.0, text or "no part leaves its fit in another one"))
     proofs = proofs_of(solution) if proof else ()
     return (*checks, *proofs, *certificate.same_as_read(solution, checks, DEFAULT.touch * assembly.size))
 
@@ -115,8 +115,8 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
 
 def placed(solution: AssemblySolution) -> AssemblySolution:
     """Return a solution with status OUTSIDE_FIT where a part leaves its fit in another one; others as they are."""
-    left = solution.status.found and out_of_place(solution, solution.transforms)
-    return replace(solution, status=Status.OUTSIDE_FIT, amount_low=nan, amount_high=nan) if left else solution
+    outside = solution.status.found and out_of_place(solution, solution.transforms)
+    return replace(solution, status=Status.OUTSIDE_FIT, amount_low=nan, amount_high=nan) if outside else solution
 
 
 def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list[tuple[str, str]]:

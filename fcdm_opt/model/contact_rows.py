@@ -379,7 +379,7 @@ def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping
     one, obstacle = task.movable.parts[parts[0]], task.obstacles[parts[1]]
     two, T = obstacle.part, task.transform(q)
     moved = T[:3, :3] @ task.movable.seed + T[:3, 3]
-    reach = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
+    support = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
     numbers = {
         **seeds,
         "movable": frozen(one.vertices.T),
@@ -389,4 +389,4 @@ def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping
         "need": frozen([max(obstacle.need, 0.0)]),
     }
     function = separating_plane(task.motion, (len(one.vertices), len(two.vertices)))
-    return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]), "apart >= 0, unit = 0")
+    return ContactRow(task.named(parts), function, numbers, frozen([*normal, support]), "apart >= 0, unit = 0")

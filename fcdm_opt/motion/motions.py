@@ -139,8 +139,8 @@ class Motion:
 
     def with_numbers(self, numbers: Sequence[Any]) -> Motion:
         """Return the same steps with other numbers, of any kind of scalars: symbols, or zeros; nothing is checked."""
-        left = iter(numbers)
-        return Sequenced(tuple(step.own_with([next(left) for _ in step.own_numbers]) for step in self.steps))
+        remaining = iter(numbers)
+        return Sequenced(tuple(step.own_with([next(remaining) for _ in step.own_numbers]) for step in self.steps))
 
     def __rshift__(self, other: Motion) -> Motion:
         """Return this motion followed by `other`."""

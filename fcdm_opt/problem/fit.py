@@ -150,7 +150,7 @@ def _change(problem: Problem) -> float:
         drawn_bodies(problem), problem.bodies[:2], corners, problem.nominal_pair, problem.target, strict=True
     ):
         if drawn is made:
-            change += abs(after - before) * max(part.reach for part in made.parts)
+            change += abs(after - before) * max(part.circumradius for part in made.parts)
             continue
         was = [before * (part.vertices - part.seed) for part in drawn.parts]
         now = [after * (own - part.seed) for own, part in zip(points, drawn.parts, strict=True)]

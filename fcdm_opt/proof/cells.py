@@ -321,9 +321,9 @@ def left_cells(T, features, target, first, second, margin, codes, witness):
         further = 0.0
         for body in range(2):
             _add_product(rest, -side, excess[body], other[body])
-            reach = _reach(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
+            above = _excess(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
             beyond = max(_high(excess[body]) if side > 0.0 else -_low(excess[body]), 0.0)
-            further += reach * (target[body] + beyond / least)
+            further += above * (target[body] + beyond / least)
         if _low(rest) - most * further > margin * most:
             codes[cell] = LEFT
             witness[cell] = site
@@ -395,21 +395,21 @@ def best_site(R, d, first, second, edged, site):
 
 
 @kernel
-def _reach(T, site, n, body, points, room, height):
+def _excess(T, site, n, body, points, room, height):
     """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
 
     `n` is the direction over the cell, `height` is overwritten.
     """
-    reach = 0.0
+    most = 0.0
     for v in range(len(points)):
         if body == 0:
             _height_1(T, site, points[v] - site[ONE:TWO], height)
         else:
             _along(n, site[TWO:PARTS] - points[v], height)
-        reach = max(reach, _high(height))
-        if reach >= room:
+        most = max(most, _high(height))
+        if most >= room:
             break
-    return reach
+    return most
 
 
 @kernel
@@ -421,7 +421,7 @@ def apart(T, site, one, two, margin, n, height):
     _add(gap, -1.0, back)
     room = _low(gap) - margin
     for body in range(2):
-        room -= _reach(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
+        room -= _excess(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
     return room > 0.0
 
 
@@ -627,9 +627,9 @@ def _near_balls(T, balls1, balls2, near, gaps, pairs):
         _placed(R, d, 0, balls1[i], centre)
         for j in range(len(balls2)):
             offset = _minus(_entry(centre, 0), _at(balls2, j))
-            square, reach = _dot(offset, offset), balls1[i, 3] + balls2[j, 3] + near[j]
-            if square < reach * reach:
-                gaps[count], pairs[count] = np.sqrt(square) - reach, i * len(balls2) + j
+            square, enough = _dot(offset, offset), balls1[i, 3] + balls2[j, 3] + near[j]
+            if square < enough * enough:
+                gaps[count], pairs[count] = np.sqrt(square) - enough, i * len(balls2) + j
                 count += 1
     apart = count // 2
     while apart > 0:  # Shell's way to sort, which is compiled in a tenth of the time of NumPy's

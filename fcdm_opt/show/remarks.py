@@ -1,7 +1,7 @@
 """What is to be said of a solution besides its numbers, in sentences that are true of the problem at hand.
 
-`remarks` for every answer: contacts that were closed, keep-outs, how well gaps are known, large motions. `left_out` for
-a report: what the case was solved without.
+`remarks` for every answer: contacts that were closed, keep-outs, how well gaps are known, large motions.
+`not_considered` for a report: what the case was solved without.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def _large(solution: Solution) -> list[str]:
     return [f"a large motion: {what}{cure}"]
 
 
-def left_out(solution: Solution) -> list[str]:
+def not_considered(solution: Solution) -> list[str]:
     """Return what was not modelled, or not looked at, and why; the template `left_out.txt` says it."""
     problem, counts = solution.problem, solution.modelled
     limited = zip(problem.motion.names, problem.limits.tolist(), strict=True)

@@ -302,8 +302,8 @@ class ShownBodies:
         )
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
         view = view or _best_view(one, two, np.empty((0, 3)))
-        reach = np.ptp(points, axis=0).max()
-        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+        extent = np.ptp(points, axis=0).max()
+        low, high = points.min(axis=0) - extent, points.max(axis=0) + extent
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         roles = (one, BLUE, "movable"), (two, VERMILLION, "static"), *((body, GREY, "keep-out") for body in near)

@@ -218,15 +218,15 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     beyond = bool((start.levels > 0.0).any())
     if not (len(choices.groups) or beyond):
         return centre, True
-    left = _seen(choices, limits, centre, free)
-    if left is None:
+    remaining = _seen(choices, limits, centre, free)
+    if remaining is None:
         return None, True
-    if not len(free) or not (len(left.groups) or beyond):
+    if not len(free) or not (len(remaining.groups) or beyond):
         return centre, True
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
-    sizes = np.diff(left.groups, append=len(left.alternatives))
+    sizes = np.diff(remaining.groups, append=len(remaining.alternatives))
     nodes = min(MOST_NODES, MOST_CHOICES // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
-    asked = partial(nearest, left, start, np.zeros(len(free)), slack=DEFAULT.cut, most=FARTHEST)
+    asked = partial(nearest, remaining, start, np.zeros(len(free)), slack=DEFAULT.cut, most=FARTHEST)
     for few, tried in ((False, min(SOON, nodes)), (True, nodes)):
         least = asked(nodes=tried, rather_few=few)
         if least.complete:

@@ -62,8 +62,8 @@ def branch_and_bound(task: Task) -> Answer | None:
     if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
-    left = beyond is not None and beyond.q is not None
-    return replace(answer, status=Status.LEFT_COHERENT_RANGE if left else answer.status, last=True)
+    outside = beyond is not None and beyond.q is not None
+    return replace(answer, status=Status.LEFT_COHERENT_RANGE if outside else answer.status, last=True)
 
 
 def _denied(task: Task) -> Answer | None:

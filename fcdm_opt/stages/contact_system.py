@@ -867,14 +867,14 @@ class _Texts:
                 z, _ = least(self._some(group))
                 if z is None:
                     continue
-                left = {c: self._opened(c, z) for c in range(count) if c not in group}
+                opened = {c: self._opened(c, z) for c in range(count) if c not in group}
                 slack, unit = DEFAULT.touch * self.systems[0].task.size, self.systems[0].task.length_unit
-                if min(left.values()) < -slack:
+                if min(opened.values()) < -slack:
                     continue  # past it, not above it
                 named += 1
                 others = ", ".join(
                     f"{self._named([c])} {f'open by {measured(x, unit, 4)}' if x > slack else 'not flush'}"
-                    for c, x in left.items()
+                    for c, x in opened.items()
                 )
                 yield f"{self._named(group)} can carry, with {others}"
             if named:

@@ -180,10 +180,10 @@ class Descent:
     def starts(self) -> Array:
         """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
         turns = np.minimum(START_DISTANCE, 1.0 / self.scale)
-        reach = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
+        steps = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
         first = self.task.start / self.scale
         low, high = self.task.limits.T / self.scale
-        return np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
+        return np.clip(first + np.vstack([np.zeros((1, len(steps))), steps, -steps]), low, high)
 
     def separating_features(self, z: Array, parts: Parts) -> list[tuple[float, Separator]]:
         """Return (amount to first order, site) of the ways in which a part pair can come apart."""

@@ -66,8 +66,8 @@ def shift(task: Task) -> Answer | None:
         return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
         return among_others(task)
-    left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
-    return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
+    outside = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
+    return Answer(Status.LEFT_COHERENT_RANGE if outside else Status.INFEASIBLE, None, LINES, np.inf)
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:

@@ -51,7 +51,7 @@ def one_parameter(task: Task) -> Answer | None:
         return None
     stage = "2: one parameter, safe steps to the first contact"
     directions = [sign / task.weights for sign in (1.0, -1.0)]
-    ends = [reach(task, direction) for direction in directions]
+    ends = [range_end(task, direction) for direction in directions]
     # limits may exclude rest: then one way starts at the nearer limit, and the other ends before it begins
     starts = [max(0.0, task.weights[0] * x) for x in (task.limits[0, 0], -task.limits[0, 1])]
     for sense, start, end in zip(directions, starts, ends, strict=True):
@@ -181,7 +181,7 @@ def on_a_ray(task: Task, known: Answer | None) -> Answer | None:
     most = min(max(TRIED // (task.part_pairs * len(tried)), FEWEST), STEPS)
     for direction in tried:
         least = contact or known
-        limit = min(reach(task, direction), np.inf if least is None else least.amount)
+        limit = min(range_end(task, direction), np.inf if least is None else least.amount)
         amount = first_contact(task, direction, limit, most=most).amount
         if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
             contact = task.answer(q, active=NEAREST_CONTACT, modelled=task.modelled_by_gaps(q))
@@ -269,7 +269,7 @@ def _units(k: int, shares: tuple[float, ...]) -> Array:
     return frozen(rays / np.linalg.norm(rays, axis=1)[:, None])
 
 
-def reach(task: Task, direction: Array) -> float:
+def range_end(task: Task, direction: Array) -> float:
     """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
     away, motion = _away(task), task.motion
     ends = [math.inf]
@@ -291,11 +291,11 @@ def reach(task: Task, direction: Array) -> float:
 def _away(task: Task) -> float:
     """Return how far a shift leads at most until the parts are out of each other's way."""
     seed = task.movable.seed
-    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
+    own = task.target[0] * max(_circumradius(part, seed) for part in task.movable.parts)
     others = [o for o in task.obstacles if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
-    return float(own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others))
+    return float(own + max(max(o.need, 0.0) + _circumradius(o.part, seed, o.scale) for o in others))
 
 
-def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
+def _circumradius(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
     """Return the distance of a part's farthest vertex, at a scale, from a point."""
     return float(np.linalg.norm(part.seed + scale * (part.vertices - part.seed) - point, axis=1).max())

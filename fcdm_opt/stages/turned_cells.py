@@ -526,7 +526,7 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ranges, pool
     which a pair may come apart at an amount below the best. `best` is that amount with angles and translations.
     """
     metric, inverse = space
-    bent, spectral, more, pad, reach, plain = numbers
+    bent, spectral, more, pad, extent, plain = numbers
     many = len(one[0]) + len(two[0])
     scratch, turn = (np.empty(many), np.empty((many, 3)), np.empty(many)), np.empty(18)
     levels, slopes, shares = scratch
@@ -589,7 +589,7 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ranges, pool
                 if depth < shallow:
                     shallow, out = depth, site
                 # no bound would leave it out, or hardly one: later, in halves
-                if crowded and max(depth + more - HOPE * radius * reach, 0.0) ** 2 + base * base < cut * cut:
+                if crowded and max(depth + more - HOPE * radius * extent, 0.0) ** 2 + base * base < cut * cut:
                     used += 1
                     if lowest > base:
                         lowest, place, leave = base, c, site
@@ -605,8 +605,8 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ranges, pool
                     used += 1
                 if found < lowest:
                     lowest, place, leave = found, where, site
-            if more > 0.0 and shallow < radius * reach:
-                lowest = min(lowest, _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch))
+            if more > 0.0 and shallow < radius * extent:
+                lowest = min(lowest, _near_bound(part2, turned1, turn, inverse, more, radius, extent, c, h, scratch))
             bound = max(bound, lowest)
             if plain:
                 if shallow < _INF and (more == 0.0 or shallow > 0.0):
@@ -634,7 +634,7 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ranges, pool
 
 
 @kernel
-def _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
+def _near_bound(part2, turned1, turn, inverse, more, radius, extent, c, h, scratch):
     """Return a lower bound over a cell for parts that are apart, but by less than they must be.
 
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
@@ -642,13 +642,13 @@ def _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratc
     levels, slopes, shares = scratch
     x, pairs, weights = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
-    level = more - distance - radius * reach
+    level = more - distance - radius * extent
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
         for k in range(len(weights)):
             point = _plus(point, _times(weights[k], _at(turned1, pairs[k, 0])))
-        finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
+        finer = more - distance - 0.5 * radius * radius * extent - (radius * extent) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))
     _fill(levels, slopes, 0, level, g)

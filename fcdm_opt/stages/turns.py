@@ -107,14 +107,14 @@ class _TurnSearch:
         self.plain = exact and at_will and alone
         self.weights = np.ones(3)
         self.weights[: len(rotations)] = task.weights[rotations]
-        reach = float(np.linalg.norm(self.one[0], axis=1).max())
-        size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
+        circumradius = float(np.linalg.norm(self.one[0], axis=1).max())
+        size = circumradius + float(np.linalg.norm(self.two[0], axis=1).max())
         program = pose_instructions(task.motion)
         assert program is not None
         kind = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed), rotations, vector, self.weights
         space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
-        numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        numbers = (not even, spectral, task.need / spectral, pad, circumradius / spectral, self.plain)
         self._advance = partial(turned_cells.advance, self.one, self.two, self.apart, kind, space, numbers)
 
     def _pairs(self) -> tuple[Ints, Ints]:

@@ -431,13 +431,13 @@ def _chains(edges: Sequence[Facet]) -> list[list[int]]:
     for i, j in edges:
         around.setdefault(i, []).append(j)
         around.setdefault(j, []).append(i)
-    left, chains = {frozenset(ends) for ends in edges}, list[list[int]]()
+    open_edges, chains = {frozenset(ends) for ends in edges}, list[list[int]]()
     for start in sorted(around, key=lambda k: (len(around[k]) == 2, k)):  # closed chains last
         for step in around[start]:
             chain = [start, step]
-            while frozenset(chain[-2:]) in left:
-                left.discard(frozenset(chain[-2:]))
-                onward = [k for k in around[chain[-1]] if frozenset((chain[-1], k)) in left]
+            while frozenset(chain[-2:]) in open_edges:
+                open_edges.discard(frozenset(chain[-2:]))
+                onward = [k for k in around[chain[-1]] if frozenset((chain[-1], k)) in open_edges]
                 if len(around[chain[-1]]) != 2 or not onward:
                     chains.append(chain)
                     break

@@ -115,7 +115,7 @@ class Search:
 
     def _look_at(self, node: Node, T: Array) -> None:
         worst, scene, slopes = self.worst, self.worst.scene, T[:, 1:-1]
-        moved = np.abs(slopes[9:]).sum(axis=0) + scene.reach * np.abs(slopes[:9]).sum(axis=0)
+        moved = np.abs(slopes[9:]).sum(axis=0) + scene.circumradius * np.abs(slopes[:9]).sum(axis=0)
         for own in worst.keep_out:
             other = T.copy()
             other[9:, 0] += own.scene.static.seed - scene.static.seed
@@ -142,7 +142,7 @@ class Search:
         else:
             # what each parameter costs the bound, moves points by, and adds to what is not linear in it: turns do
             node.bound, bent = bound, np.where(turning, width**2, 0.0)
-            error = scene.reach * T[:9, -1].sum() + T[9:, -1].sum()
+            error = scene.circumradius * T[:9, -1].sum() + T[9:, -1].sum()
             if error < np.inf and bent.any():
                 bent = error * bent / bent.sum()
             scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + bent

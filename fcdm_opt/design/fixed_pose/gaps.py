@@ -323,13 +323,13 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
     Return whether that is anywhere more than nothing: else the facets need not remain about zero.
     """
     values[:] = _INF
-    reach = 0.0
+    extent = 0.0
     for v in range(len(one)):
-        reach = max(reach, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
+        extent = max(extent, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
     for f in range(start, end):
         n = _at(rows, f)
         own = _turned_back(S[0], 0, _times(-1.0, n))
-        deepest = _lowest(one, own)[1] + _ALIKE * reach
+        deepest = _lowest(one, own)[1] + _ALIKE * extent
         for v in range(len(one)):
             if _dot(own, _at(one, v)) > deepest:
                 continue

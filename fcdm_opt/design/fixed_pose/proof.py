@@ -156,10 +156,10 @@ class _PoseExaminer:
             least = min(least, self._over(row, low[row], high[row], asked, slack, HALVINGS))
         return least
 
-    def _over(self, row: int, low: Array, high: Array, asked: float, slack: float, left: int) -> float:
+    def _over(self, row: int, low: Array, high: Array, asked: float, slack: float, halvings: int) -> float:
         """Return what a cell's mixture exceeds what is asked by: over the cell, or its halves, halved again."""
         margin = self._value(row, self._poses(low[None], high[None])[0]) - asked
-        if margin >= -slack or not left:
+        if margin >= -slack or not halvings:
             return margin
         lengths = (high - low) * self.worst.problem.weights
         turns = self.worst.problem.motion.turning  # to which the mean value form loses what it loses
@@ -167,7 +167,7 @@ class _PoseExaminer:
         upper, lower = low.copy(), high.copy()
         upper[axis] = lower[axis] = 0.5 * low[axis] + 0.5 * high[axis]
         for a, b in ((low, lower), (upper, high)):
-            least = min(least, self._over(row, a, b, asked, slack, left - 1))
+            least = min(least, self._over(row, a, b, asked, slack, halvings - 1))
             if least < -slack:
                 break
         return least

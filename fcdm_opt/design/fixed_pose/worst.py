@@ -91,12 +91,12 @@ class Worst:
         straight = np.array([direction is not None for direction in motion.shift_directions])
         # parts further apart than this are further apart than any wanted pose: than they are at rest, or have to be
         away = float(np.linalg.norm(movable.seed - static.seed))
-        reach = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
+        most = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
         some = 0 < straight.sum() <= 3
         narrow = float(np.linalg.svd(directions[straight], compute_uv=False)[-1]) if some else 1.0
         limits = np.array(problem.limits)
         for k in np.flatnonzero(straight).tolist():
-            far = reach / narrow if narrow > DEFAULT.nominal else np.inf
+            far = most / narrow if narrow > DEFAULT.nominal else np.inf
             within = passage(problem, directions[k])  # gaps beyond a wall mean nothing
             limits[k] = max(limits[k, 0], -far, within[0]), min(limits[k, 1], far, within[1])
         places = None

@@ -130,8 +130,8 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
     """Return one of several contacts that are restored together, from 1; without it, it may stay open."""
 
     def changed(problem: Problem, by: float) -> Problem:
-        left = [own.label for own in problem.contacts if own != feature]
-        return problem.changed(contacts=left) if left else problem.changed(goal="clear")
+        remaining = [own.label for own in problem.contacts if own != feature]
+        return problem.changed(contacts=remaining) if remaining else problem.changed(goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
         if problem.goal == FIT:

@@ -32,7 +32,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import in_scheme, inline_svg, texts
 from fcdm_opt.show.album import solution_pieces
 from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import GoodNews, left_out, remarks
+from fcdm_opt.show.remarks import GoodNews, not_considered, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import ScenePieces
@@ -182,7 +182,7 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     solution = case.solution
     grounds = {
         "bodies": _bodies(solution.problem),
-        "left_out": left_out(solution),
+        "left_out": not_considered(solution),
         "certificate": finite(solution.certificate),
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
