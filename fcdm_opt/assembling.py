@@ -112,12 +112,12 @@ class _Solving:
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""
         try:
-            alone = len(group) == 1 and self._assembly.is_own(group[0]) and self._assembly.amount == "weighted"
-            return self._alone(group[0]) if alone else self._together(group)
+            single = len(group) == 1 and self._assembly.is_own(group[0]) and self._assembly.amount == "weighted"
+            return self._single(group[0]) if single else self._system(group)
         except pacing.TimeOverError as over:
             return _Met(Status.NOT_FOUND, {}, 0.0, f"{', '.join(map(str, group))}: {over}", (), {})
 
-    def _alone(self, pair: JoinedPair) -> _Met:
+    def _single(self, pair: JoinedPair) -> _Met:
         """Meet the one contact that a part's motion is for."""
         found, part = self._solved(pair), pair.one
         q = {part: np.array([*found.parameters.values()])} if found.status.found else {}
@@ -132,7 +132,7 @@ class _Solving:
             self._known[pair[:2]] = self._solve(self._assembly.problem(pair))
         return self._known[pair[:2]]
 
-    def _together(self, group: Sequence[JoinedPair]) -> _Met:
+    def _system(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet all contacts of a group in one program."""
         assembly, names = self._assembly, [*map(str, group)]
         parts = assembly.sharing(group)

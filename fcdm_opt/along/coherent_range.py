@@ -32,7 +32,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed
-BESIDE = 1e-7  # of the natural step: how far beyond an event the contact is looked at
+EVENT_OFFSET = 1e-7  # of the natural step: how far beyond an event the contact is looked at
 WINDOW, ABOUT = 30.0, 1e-4  # of the tracked pair's change there, and of the pair: what of the curve is looked at
 LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a tracked pair that there is
 
@@ -370,7 +370,7 @@ def _ended(
 
 def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:
     """Return the features that touch at x, and those of the curve about the tracked pair just beyond."""
-    before, after = x - BESIDE * march.unit, x + BESIDE * march.unit
+    before, after = x - EVENT_OFFSET * march.unit, x + EVENT_OFFSET * march.unit
     was, moved = march.rho(before), march.rho(after)
     rho = (was + moved) / 2.0  # also where edges are parallel just at x
     if not (np.isfinite(rho).all() and rho.min() > 0):

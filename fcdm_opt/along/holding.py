@@ -122,7 +122,7 @@ class Holding:
     def _aligned(self) -> Iterator[Rate]:
         """Yield what keeps flush contacts aligned: on the whole way no tilt to first order, else at its end."""
         task = self.task
-        turns = [turn for seat in task.seats for turn in seat.turns]
+        turns = [turn for flush in task.seats for turn in flush.turns]
         rows = tilts(task.seats, task.spins)
         if not task.coherent:
             rows = np.array([[m @ rate[:3, :3] @ p for rate in self.end.by_motion] for m, p in turns])
@@ -182,7 +182,7 @@ class Holding:
     def _line(self, scene: MovedScene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
         """Return the rate of a tracked feature's separation; a flush one is carried by the whole of its elements."""
         task, place = self.task, (feature.site, feature.parts)
-        whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == place), None)
+        whole = next((flush.feature for flush in task.seats if (flush.site, flush.parts) == place), None)
         if feature in task.tracked and task.flush:
             whole = task.flush[task.tracked.index(feature)]
         joint = next((own for own in task.joints if own.parts == feature.parts), None)

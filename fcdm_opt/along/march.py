@@ -111,7 +111,7 @@ class March:
         signless = TrackedPair(lines, np.array(self._pair), 1.0)
         value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
         tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
-        others = self._all.beside(tracked, {rest.parts for rest in rests})
+        others = self._all.without(tracked, {rest.parts for rest in rests})
         groups = [
             (determinant, Cause("parallel lines", -1, KINDS["parallel lines"])),
             (Conditions.of(forms.SCALE_1), Cause("scale", -1, "the scale of body 1 becomes zero")),
@@ -301,7 +301,7 @@ class Others:
         self._points = [np.concatenate([part.vertices for part in body.parts]) - body.seed for body in self._bodies]
         self._planes: list[tuple[Conditions, Conditions]] = []
 
-    def beside(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
+    def without(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
         """Return those without the part pairs that are tracked, which give the scale pair."""
         made = copy(self)
         made._tracked = parts

@@ -182,9 +182,9 @@ def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], no
     used = shares > DEFAULT.stationary
     mixes = np.linalg.lstsq(matrix[:, used], matrix[:, ~used])[0]
     made = (np.abs(matrix[:, used] @ mixes - matrix[:, ~used]) <= DEFAULT.stationary).all(axis=0)
-    spare = data[~used][made]
-    near = DEFAULT.stationary * np.abs(spare).max(axis=1, initial=1.0)
-    undetermined = (np.abs(spare - mixes[:, made].T @ data[used]) > near[:, None]).any(axis=0)
+    unused = data[~used][made]
+    near = DEFAULT.stationary * np.abs(unused).max(axis=1, initial=1.0)
+    undetermined = (np.abs(unused - mixes[:, made].T @ data[used]) > near[:, None]).any(axis=0)
     broken = breaks[used].any(axis=0) | breaks[~used][made].any(axis=0)
     multipliers: dict[str, float] = {}
     for owner, factor, share in zip(owners, factors, shares.tolist(), strict=True):

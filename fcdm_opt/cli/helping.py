@@ -83,9 +83,9 @@ class LentCommand(Command):
                 self.help = f"{self.help}\n\nIt {INSTALL}."
                 return super().make_context(info_name, args, parent, **extra)
             raise InputError(INSTALL, key=self.name)
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
-        return typer.main.get_command(alone).make_context(info_name, args, parent, **extra)
+        app = typer.Typer(add_completion=False, rich_markup_mode=None)
+        app.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
+        return typer.main.get_command(app).make_context(info_name, args, parent, **extra)
 
 
 class Overview(TyperGroup):

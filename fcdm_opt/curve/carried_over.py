@@ -55,25 +55,25 @@ class CarriedOver:
         parts, made = self._on_parts(joint.parts, joint.feature, of_parts)
         return replace(made, parts=parts, carriers=(parts,)).carried_by(*self._made)
 
-    def seat(self, seat: Flush) -> Flush:
+    def flush(self, flush: Flush) -> Flush:
         """Return a flush contact of the bodies as made."""
 
         def of_parts(one: _PartsAlike, two: _PartsAlike) -> Flush:
-            own, n = seat.contact, seat.normal
+            own, n = flush.contact, flush.normal
             contact = replace(own, one=one.element(own.one, n), two=two.element(own.two, -n))
             if len(contact.two) > 2:
                 n = -two.made.normals[two.made.loops.index(contact.two)]
             else:
                 n = one.made.normals[one.made.loops.index(contact.one)]
-            feature, touching = (_named(named, one, two, n) for named in (seat.feature, seat.touching))
+            feature, touching = (_named(named, one, two, n) for named in (flush.feature, flush.touching))
             contact = replace(contact, feature=_named(own.feature, one, two, n))
-            carrier = one.made, two.made, replace(seat.carriers[0][2], feature=touching)
+            carrier = one.made, two.made, replace(flush.carriers[0][2], feature=touching)
             return replace(
-                seat, feature=feature, touching=touching, contact=contact, normal=frozen(n), carriers=(carrier,),
+                flush, feature=feature, touching=touching, contact=contact, normal=frozen(n), carriers=(carrier,),
                 _pair=(one.made, two.made),
             )  # fmt: skip
 
-        parts, made = self._on_parts(seat.parts, seat.feature, of_parts)
+        parts, made = self._on_parts(flush.parts, flush.feature, of_parts)
         return replace(made, parts=parts).carried_by(*self._made)
 
     def _on_parts(

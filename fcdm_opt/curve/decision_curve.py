@@ -136,11 +136,11 @@ class DecisionCurve(NotebookRepr, Plain):
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
-        for rho, one, two in [] if self._convex else self._union.alone:
+        for rho, one, two in [] if self._convex else self._union.isolated:
             near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._circumradii)
             if in_box(rho, self.box) and abs(self.near_gap(rho, near)) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
-                points.append(self._switching_point(*runs, len(points) + 1, alone=True))
+                points.append(self._switching_point(*runs, len(points) + 1, isolated=True))
         return tuple(branches), tuple(points)
 
     @property
@@ -196,7 +196,7 @@ class DecisionCurve(NotebookRepr, Plain):
         slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._circumradii)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
 
-    def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
+    def _switching_point(self, run: Run, successor: Run, index: int, *, isolated: bool = False) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
         return SwitchingPoint(
             frozen(before.end),
@@ -207,7 +207,7 @@ class DecisionCurve(NotebookRepr, Plain):
             (self.movable, self.static),
             self.pose,
             index,
-            alone,
+            isolated,
         )
 
     def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
@@ -331,8 +331,8 @@ class DecisionCurve(NotebookRepr, Plain):
         """Return where rho_1 = const meets the boundary of the union of the open overlap regions, in the box."""
         (low, high), span = self.box
         if not (self._convex or low <= rho1 <= high):  # what is hidden or apart there is not known
-            beside = (max(rho1, 0.0) * (1.0 - DEFAULT.rim), max(rho1, DEFAULT.rim) * (1.0 + DEFAULT.rim))
-            return replace(self, box=(beside, span))._crossings(max(rho1, 0.0))
+            around = (max(rho1, 0.0) * (1.0 - DEFAULT.rim), max(rho1, DEFAULT.rim) * (1.0 + DEFAULT.rim))
+            return replace(self, box=(around, span))._crossings(max(rho1, 0.0))
         regions = self.regions if self._convex else (*self._union.regions, *self._union.hiding)
         found = [inside(region, np.array([rho1, 0.0]), np.array([0.0, 1.0])) for region in regions]
         intervals = sorted((max(lo, 0.0), hi) for lo, hi in found if hi > max(lo, 0.0))

@@ -44,27 +44,27 @@ class Visible(NamedTuple):
     chains: list[list[Stretch]]
     # list of (piece, s): pieces and where on them a point is that no open region holds, off all stretches; once for
     # each that passes
-    alone: list[tuple[int, float]]
+    isolated: list[tuple[int, float]]
     owners: Ints  # (pieces, 2): the region of each piece, and its number in there
 
 
 def visible(regions: Sequence[Region], cells: Array, members: Ints, shares: Ints) -> Visible:
     """Return what is on the boundary of a union of regions; cells, members and shares as in `envelope.Union`."""
-    lines, line_starts = _together([region.unit_lines for region in regions], 3)
-    pieces, piece_starts = _together([region.table for region in regions], 6)
+    lines, line_starts = _stacked([region.unit_lines for region in regions], 3)
+    pieces, piece_starts = _stacked([region.table for region in regions], 6)
     found = kernels.stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, LIMITS)
     point = found[:, 1] == found[:, 2]
     region = np.repeat(np.arange(len(regions)), np.diff(piece_starts))
     with np.errstate(invalid="ignore"):  # ends at infinity are nowhere near each other
         kept = _without_repeats(_merged(found[~point]), pieces)
         chains = _chained(kept, pieces, [regions[k].parts for k in region.tolist()])
-        alone = [
+        isolated = [
             (int(piece), s) for piece, s, _ in found[point].tolist() if not _passed(pieces[int(piece)], s, kept, pieces)
         ]
-    return Visible(chains, alone, np.column_stack([region, np.arange(len(pieces)) - piece_starts[region]]))
+    return Visible(chains, isolated, np.column_stack([region, np.arange(len(pieces)) - piece_starts[region]]))
 
 
-def _together(tables: list[Array], width: int) -> tuple[Array, Ints]:
+def _stacked(tables: list[Array], width: int) -> tuple[Array, Ints]:
     """Return tables one after the other, and where each starts."""
     starts = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64)
     return np.concatenate([np.empty((0, width)), *tables]), starts
@@ -236,11 +236,11 @@ class Union:
         return [_joined(chain) for chain in _sorted(chains)]
 
     @cached_property
-    def alone(self) -> list[tuple[Array, Piece, Piece]]:
+    def isolated(self) -> list[tuple[Array, Piece, Piece]]:
         """Single scale pairs of the union's boundary, on none of its chains: a fit without play on all sides."""
         # each with pieces of two different directions that pass there, the first by their labels, cut to the point
         found: list[tuple[Array, list[Piece]]] = []
-        for piece_number, s in self._visible.alone:
+        for piece_number, s in self._visible.isolated:
             k, number = self._visible.owners[piece_number].tolist()
             region = self.regions[k]
             piece = region.piece(number).cut(s, s)

@@ -1047,18 +1047,18 @@ def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, poin
         return UNDECIDED, 0, 0  # the seeds are one but for rounding
     if not (inside1 or inside2) and _grazes(reals1, ints1, reals2, ints2, frame, planarity):
         return GRAZING, 0, 0
-    beside, witness = np.empty(FRAME), np.empty(6)
+    shifted, witness = np.empty(FRAME), np.empty(6)
     moved1 = reals1 if inside1 else _moved_inward(reals1, ints1)
     moved2 = reals2 if inside2 else _moved_inward(reals2, ints2)
     for trial in range(len(_ASIDE)):
-        _set_aside(frame, _ASIDE[trial], beside)
-        _set_frame(moved1, ints1, moved2, ints2, beside, planarity, beside)
+        _set_aside(frame, _ASIDE[trial], shifted)
+        _set_frame(moved1, ints1, moved2, ints2, shifted, planarity, shifted)
         state, kind, face = ADRIFT, -1, -1
         for _ in range(2):
-            state, _, made = _walk(moved1, ints1, moved2, ints2, beside, kind, face, sites, rows, points, chains)
+            state, _, made = _walk(moved1, ints1, moved2, ints2, shifted, kind, face, sites, rows, points, chains)
             if state != ADRIFT:
                 break
-            state, kind, face = _landfall(moved1, ints1, moved2, ints2, beside[:12].copy(), beside)
+            state, kind, face = _landfall(moved1, ints1, moved2, ints2, shifted[:12].copy(), shifted)
             if state != ADRIFT:
                 break
         if state == CROWDED:
@@ -1697,10 +1697,10 @@ def _first_pair(points, chains, chain):
     """Return the first scale pair of a chain, walked with the overlap region on the left; it may be at infinity."""
     first, count, endless = chains[chain, 0] + chain, chains[chain, 1], chains[chain, 3]
     last = first + count
-    k, beside, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (last, last - 1, endless & 1)
+    k, following, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (last, last - 1, endless & 1)
     x, y = points[k, 0], points[k, 1]
     if far > 0:
-        x, y = (points[beside, 0] if x == 0.0 else np.inf), (points[beside, 1] if y == 0.0 else np.inf)
+        x, y = (points[following, 0] if x == 0.0 else np.inf), (points[following, 1] if y == 0.0 else np.inf)
     return x, y
 
 
@@ -2007,17 +2007,17 @@ def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, alon
         i, j = pairs[k, 0], pairs[k, 1]
         own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
         rows = facet_rows(own1, table1, own2, table2, pose)[1]
-        low, high, beside = -_INF, _INF, -_INF
+        low, high, most = -_INF, _INF, -_INF
         for m in range(len(rows)):
             excess = rows[m, 5] - rows[m, 3] * rho[0] - rows[m, 4] * rho[1] - need
             rate = _dot(_at(rows, m), _entry(along, 0))
             if np.abs(rate) <= level:
-                beside = max(beside, excess)
+                most = max(most, excess)
             elif rate > 0.0:
                 low = max(low, excess / rate)
             else:
                 high = min(high, excess / rate)
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, beside, len(rows)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, most, len(rows)
     return found
 
 

@@ -39,7 +39,7 @@ REMEMBERED = 32  # bodies and scenes a process
 _MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")
 _OF_PARTS = tuple(key for key in PartEntry.model_fields if key not in BodyEntry.model_fields)
-_BESIDE_MESH = ("seed", "name", *_OF_KEEP_OUTS)
+_NOT_OF_MESH = ("seed", "name", *_OF_KEEP_OUTS)
 _NO_DEFAULTS = Defaults()
 _UNITS = (("_per_deg", "_per_rad"), ("_deg", "_rad"))
 _EXCLUDED = {
@@ -144,7 +144,7 @@ class BodyTable:
         data: Mapping[str, Any] = self.data
         if "file" in data and place == ("vertices",):
             data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
-        elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
+        elif "file" in data and place[0] not in (*_MESH, *_NOT_OF_MESH):
             data = self.drawn().data
         return BodyTable(put(data, place, value, dropped=excluded), self.role)
 
@@ -153,8 +153,8 @@ class BodyTable:
 def _read(text: str, role: str, stamp: tuple[int, ...], sizes: tuple[Size, ...]) -> BodyTable:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = BodyTable(json.loads(text), role)
-    beside = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    return BodyTable({**plain_body(fit_for_sizes(table.checked.body(role, None), sizes)), **beside}, role)
+    extras = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
+    return BodyTable({**plain_body(fit_for_sizes(table.checked.body(role, None), sizes)), **extras}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -379,7 +379,7 @@ class Question:
         """
         scene, case = self.scene, self.case
         places = {parse(text): value for text, value in values.items()}
-        together = {place[: k + 1] for place in places for k in range(len(place))}
+        prefixes = {place[: k + 1] for place in places for k in range(len(place))}
         for place, value in places.items():
             given = plain_value(value)
             if place[0] in ("bodies", "part", "contact", "size") or (place[0] == "keep_out" and len(place) > 1):
@@ -387,7 +387,7 @@ class Question:
             else:
                 if place[0] == "made" and len(place) > 1 and isinstance(case.get("made"), str):  # a corner, by its word
                     case = {**case, "made": plain_value(self.problem().made)}
-                case = put(case, place, given, kept=together, dropped=excluded)
+                case = put(case, place, given, kept=prefixes, dropped=excluded)
         if not scene.assembled:
             changed = {place[0] for place in places}
             own = {key: value for key, value in case.items() if key in changed}

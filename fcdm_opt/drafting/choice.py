@@ -96,8 +96,8 @@ def chosen(situation: Situation) -> Choice:
     no time was left is none. Translations along one axis come before those along three wherever they are as small, and
     rotations after both.
     """
-    together = len(situation.places) > 1 and not situation.large
-    for goal in ("seat", "at") if together else ():
+    several = len(situation.places) > 1 and not situation.large
+    for goal in ("seat", "at") if several else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
         if every is not None and every.settled and (len(situation.sides) > 1 or not every.unfit):

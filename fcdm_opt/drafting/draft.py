@@ -78,7 +78,7 @@ BECAUSE = {
     ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
 }
 """Why a goal is proposed, by how the parts lie."""
-TOGETHER = "as drawn the parts touch at {}, and shifts restore them all"
+ALL_RESTORED = "as drawn the parts touch at {}, and shifts restore them all"
 ONE_DIRECTION = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
 SAME_DIRECTION = "as drawn the parts touch at {}, all of which face one way and are to touch again"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
@@ -287,7 +287,7 @@ def _because(situation: Situation, choice: Choice) -> str:
         fitting = (
             f" in every case but {' and '.join(choice.unfit)}, in which the parts do not fit" if choice.unfit else ""
         )
-        return TOGETHER.format(counted(len(situation.places), "place")) + fitting
+        return ALL_RESTORED.format(counted(len(situation.places), "place")) + fitting
     why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)

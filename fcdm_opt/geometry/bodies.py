@@ -463,8 +463,8 @@ class Body(_Sealed, NotebookRepr):
             body = cls._of_mesh(mesh, decomposition, origin)
         except InputError as reason:
             try:  # each may be a solid by itself
-                alone = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]
-                made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in alone]
+                single = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]
+                made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in single]
             except InputError:
                 made = []
             if not made or any(own.is_surface for own in made):
@@ -543,7 +543,7 @@ class Body(_Sealed, NotebookRepr):
         ]
         origin = _seed(seed, points, unseeded, name)
         parts = tuple(replace(part, seed=origin) for part in unseeded)
-        drawn = surface.outlines if surface is not None else given
+        drawn = surface.loops if surface is not None else given
         outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
         triangles = () if surface is None or apart else surface.triangles_of_faces()
         return cls(name, frozen(points), origin, parts, faces, outlines, triangles=triangles)
@@ -562,7 +562,7 @@ class Body(_Sealed, NotebookRepr):
             ConvexPart(frozen(made.points[hull.used]), seed, hull.loops, hull.edges, named)
             for hull, named in zip(made.hulls, elements, strict=True)
         )
-        outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
+        outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.loops)
         triangles = made.surface.triangles_of_faces()
         points = frozen(made.points)
         off = moved, moved

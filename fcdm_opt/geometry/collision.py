@@ -113,10 +113,10 @@ class ScaledPair:
         """Return the same of part i of body 1 and part j of body 2 alone."""
         if self.count == 1:
             return self
-        alone = copy(self)
-        alone._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
-        alone._solids = [self._solids[0][i]], [self._solids[1][j]]
-        return alone
+        single = copy(self)
+        single._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
+        single._solids = [self._solids[0][i]], [self._solids[1][j]]
+        return single
 
     def direction(self, rho: ArrayLike, transform: Array) -> Array:
         """Return the unit direction from the first part of body 1 to that of body 2 in which they are nearest."""
@@ -184,10 +184,10 @@ class ScaledPair:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units."""
         # asked as long as any can be less; nan stays
         first, second = self._hulls
-        known, alone = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
-        if alone and settled is None and known.all():
+        known, single = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
+        if single and settled is None and known.all():
             return self._asked(first[0], second[0], frames)
-        if alone:
+        if single:
             bounds = np.where(known[:, None], -np.inf, np.nan)
         else:
             bounds = judging.nearness(*self._solids, frames).reshape(len(frames), -1)

@@ -227,10 +227,10 @@ class _Solid(NamedTuple):
     def of(cls, mesh: Mesh) -> _Solid:
         used = np.unique(mesh.triangles)
         space = Arrangement(mesh.vertices, used)
-        outlines = [space.local[list(face)] for face in mesh.faces]
+        loops = [space.local[list(face)] for face in mesh.faces]
         normals = normals_of(space.local, mesh.faces)
-        largest = np.argsort([-area(outline) for outline in outlines], kind="stable")
-        levels = (normals * [outline.mean(axis=0) for outline in outlines]).sum(axis=1)
+        largest = np.argsort([-area(loop) for loop in loops], kind="stable")
+        levels = (normals * [loop.mean(axis=0) for loop in loops]).sum(axis=1)
         polygons = [mesh.faces[k] for k in largest.tolist()]
         plane = np.empty(len(mesh.faces), np.int64)
         for group in coplanar(space.local, polygons, normals[largest], levels[largest], space.slack):

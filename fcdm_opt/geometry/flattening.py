@@ -42,7 +42,7 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
             groups += list(map(np.unique, same[corners]))
     if joined:
         groups += _connected(distinct, triangles, slack) + sections(distinct, triangles, slack)
-    groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
+    groups = _coplanar_groups(distinct, [own for own in groups if len(own) > 3], slack)
     return settled(distinct, Incidences.of(groups), slack)[same] if groups else vertices
 
 
@@ -168,7 +168,7 @@ def _fitted(points: Array, groups: Sequence[Ints]) -> tuple[Array, Array, Array]
     return normals, levels, off
 
 
-def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
+def _coplanar_groups(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
     """Leave out groups of points that lie in no plane within the slack, join those that lie in one; largest first."""
     groups = sorted(groups, key=lambda own: -float(np.ptp(points[own], axis=0).max()))
     normals, levels, off = _fitted(points, groups)

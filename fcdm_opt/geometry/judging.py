@@ -40,7 +40,7 @@ class Solid(NamedTuple):
     points: Array  # (n, 3)
     planes: Array  # (unit normal, level, how far the normal may be off) of each face, (f, 5)
     edges: Array  # from their origins to their ends, (m, 3)
-    beside: Ints  # the vertex that each edge leaves, and the faces on its two sides, (m, 3)
+    edge_faces: Ints  # the vertex that each edge leaves, and the faces on its two sides, (m, 3)
     ball: Array  # centre and radius of a sphere about all points, (4,)
 
     @classmethod
@@ -189,7 +189,7 @@ def widest(one: Solid, two: Solid, frames: Array, *, edged: bool) -> Array:
 
 @light
 @kernel
-def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours, frames, edged):
+def widest_gaps(points, planes, edges, edge_faces, others, faces, sides, neighbours, frames, edged):
     """Return the largest gap of two solids, as `Solid` has them, over directions that can separate most, and where.
 
     The gap and its unit direction, (k, 4).
@@ -218,7 +218,7 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
         for m in range(len(faces)):
             best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y, direction)
         for i in range(len(edges) if edged else 0):
-            u, a, b = _turned(R, edges[i]), beside[i, 1], beside[i, 2]
+            u, a, b = _turned(R, edges[i]), edge_faces[i, 1], edge_faces[i, 2]
             own, off = np.sqrt(_dot(u, u)), TIE + max(planes[a, 4], planes[b, 4])
             along_a, along_b = abs(_dot(u, normals[a])) <= SAME * own, abs(_dot(u, normals[b])) <= SAME * own
             for m in range(len(faces)):

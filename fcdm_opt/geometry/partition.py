@@ -188,10 +188,10 @@ def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
     across = cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
     flat = np.abs((across[0] * along).sum(axis=2)) <= space.slack
     flat &= (across**2).sum(axis=3).max(axis=0) > space.slack**2
-    beside = [{facet.plane for facet in own} for own in reflex.values()]
+    planes = [{facet.plane for facet in own} for own in reflex.values()]
     found = []
     for i, row in enumerate(np.argsort(distance, axis=1, kind="stable")):
-        near = (j for j in row[flat[i, row]].tolist() if j != i and not beside[i] & beside[j])
+        near = (j for j in row[flat[i, row]].tolist() if j != i and not planes[i] & planes[j])
         found += [(min(i, j), max(i, j)) for j in islice(near, NEAREST)]
     pairs = sorted(dict.fromkeys(found), key=lambda pair: distance[pair])
     return np.array([[*edges[i], *edges[j]] for i, j in pairs], np.int64).reshape(-1, 4)
@@ -311,14 +311,14 @@ def _grown(
             if held > most:
                 best, most = (plane, side), held
         if best is None:  # the middle is seen round the end of an edge
-            best = _beside(space, *next(iter(reflex.items())), seed, middle)
+            best = _edge_plane(space, *next(iter(reflex.items())), seed, middle)
         plane, side = best
         facets = space.split_facets(facets, plane)[0 if side > 0 else 1]
         whole = space.kept(whole, [best])
     return None
 
 
-def _beside(space: Arrangement, edge: Edge, own: Sequence[Facet], seed: int, middle: Array) -> tuple[int, int]:
+def _edge_plane(space: Arrangement, edge: Edge, own: Sequence[Facet], seed: int, middle: Array) -> tuple[int, int]:
     """Return a plane through a reflex edge and the seed, and the side of it that the middle is not on."""
     a, b = space.local[list(edge)] - space.local[seed]
     on_line = np.linalg.norm(np.cross(a, b)) <= space.slack * np.linalg.norm(b - a)

@@ -89,9 +89,9 @@ def uncovered(polygon: Array, solids: Iterable[tuple[Array, Array]], slack: floa
     return pieces
 
 
-def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
+def inside(polygon: Array, loop: Array, normal: Array, slack: float = 0.0) -> Array:
     """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
-    for base, inward in zip(outline, units(cross(normal, following(outline) - outline)), strict=True):
+    for base, inward in zip(loop, units(cross(normal, following(loop) - loop)), strict=True):
         polygon = clipped(polygon, (polygon - base) @ inward + slack)
     return polygon
 
@@ -215,8 +215,8 @@ def triangulated(
             ears = _ears(_in_plane(local[k], normals[k]), slack) if lengths[k] > slack**2 else None
             if ears is None:
                 what = "the outline crosses or touches itself"
-                outline = tuple(int(v) + 1 for v in corners[k])
-                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=outline)
+                loop = tuple(int(v) + 1 for v in corners[k])
+                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=loop)
             triangles.append(corners[k][ears])
             owners.append(np.full(len(ears), places[k]))
     owner = np.concatenate(owners)

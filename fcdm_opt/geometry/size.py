@@ -355,9 +355,9 @@ class Size(Plain):
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
-            beside = np.abs(normals @ axis) <= near
+            parallel = np.abs(normals @ axis) <= near
             most = (1.0 + DEFAULT.snap) * radius
-            rows = np.flatnonzero(beside & (level >= ROUND * radius) & (level <= most))
+            rows = np.flatnonzero(parallel & (level >= ROUND * radius) & (level <= most))
             off = np.linalg.norm(np.cross(body.vertices - np.array(selector["around"]), axis), axis=1)
             rows = np.array([k for k in rows.tolist() if off[np.array(body.faces[k]) - 1].max() <= most], np.int64)
             if rows.size:

@@ -29,7 +29,7 @@ class Surface:
     edges: Ints  # rows of the ends of each edge, (k, 2)
     hidden: Ints  # edges inside the solid that keep names of their own, (h, 2)
     # the faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes
-    outlines: tuple[Rows, ...]
+    loops: tuple[Rows, ...]
 
     @classmethod
     def of(cls, points: Array, triangles: Ints, planes: Ints) -> Surface:
@@ -44,16 +44,16 @@ class Surface:
         ends = np.sort(np.column_stack([sides.origin, sides.end]), axis=1).tolist()
         for (low, high), face in zip(ends, owners[sides.face].tolist(), strict=True):
             around[low, high].add(face)
-        edges = straightened(points, {edge: frozenset(beside) for edge, beside in around.items() if len(beside) > 1})
+        edges = straightened(points, {edge: frozenset(both) for edge, both in around.items() if len(both) > 1})
         corners: list[set[int]] = [set() for _ in range(owners.max() + 1)]
-        for edge, beside in edges.items():
-            for face in beside:
+        for edge, adjacent in edges.items():
+            for face in adjacent:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
         own = (triangles[some].tolist() for some in groups_of(owners))
-        outlines = tuple(_outline(some, face) for some, face in zip(own, faces, strict=True))
+        loops = tuple(_loop(some, face) for some, face in zip(own, faces, strict=True))
         rows = np.array(list(edges), np.int64).reshape(-1, 2)
-        return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
+        return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), loops)
 
     @cached_property
     def size(self) -> float:
@@ -121,11 +121,11 @@ class Surface:
         near = self._polygons_near(face, points)
         return np.asarray(hold(near, self.planes[0][[face]], points, DEFAULT.nominal * self.size).any(axis=1))
 
-    def area_within(self, face: int, outline: Array) -> float:
+    def area_within(self, face: int, loop: Array) -> float:
         """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""
         normal = self.planes[0][face]
-        near = self._polygons_near(face, outline)
-        return sum(area(inside(outline, triangle, normal)) for triangle in near) / self.size**2
+        near = self._polygons_near(face, loop)
+        return sum(area(inside(loop, triangle, normal)) for triangle in near) / self.size**2
 
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
@@ -193,7 +193,7 @@ def rims(triangles: Iterable[Rows]) -> list[list[int]]:
     return loops
 
 
-def _outline(triangles: Iterable[Rows], corners: Rows) -> Rows:
+def _loop(triangles: Iterable[Rows], corners: Rows) -> Rows:
     """Return corners in the order in which the rim of triangles passes them; as they are where it is not one loop."""
     loops, kept = rims(triangles), set(corners)
     loop = [v for v in loops[0] if v in kept]

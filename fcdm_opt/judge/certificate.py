@@ -243,9 +243,9 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
             enough = least_outside(own, weights, half) >= amount * (1.0 - DEFAULT.requirement)
             low, high = (low, half) if enough else (half, high)
         return bool(held) and none_smaller(problems, high * sqrt(len(weights)))
-    alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
+    unique = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
-    shown = alone or amount <= slack or none_smaller(problems, amount - slack)
+    shown = unique or amount <= slack or none_smaller(problems, amount - slack)
     return shown or none_shorter(problems, amount - slack)
 
 
@@ -596,7 +596,7 @@ class _Judge:
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
         if goal in ("at", "seat") and self._play > self.limit:
-            claims = self._listed if self._together else self.claims
+            claims = self._listed if self._several else self.claims
             lines = np.array([claim.lines(self.transform[None])[0] for claim in claims])
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
@@ -649,7 +649,7 @@ class _Judge:
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
         stepped = self._play > self.limit
-        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
+        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._several))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         both = (self.problem.movable, "one"), (self.problem.static, "two")
@@ -663,7 +663,7 @@ class _Judge:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
             most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
-            known = tracked <= allowed and (len(tracked) == most or (stepped and self._together))
+            known = tracked <= allowed and (len(tracked) == most or (stepped and self._several))
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.errors(self.rho[None], self.transform[None])[0]
@@ -671,7 +671,7 @@ class _Judge:
         return checks
 
     @property
-    def _together(self) -> bool:
+    def _several(self) -> bool:
         """Whether several contacts are restored together: in whole steps each to within their play, and open."""
         return bool(self.problem.contacts)
 
@@ -791,7 +791,7 @@ class _Judge:
         if self.problem.goal != "seat":
             return []
         seats = self.problem.nominal_seats
-        kinds = {_named(name): seat.dimension for seat in seats for name in (seat.feature, seat.touching)}
+        kinds = {_named(name): flush.dimension for flush in seats for name in (flush.feature, flush.touching)}
         claims = {k: claim for k, claim in enumerate(self.claims, 1) if _named(claim.feature) in kinds}
         if not claims:
             return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]

@@ -120,10 +120,10 @@ def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
     """Return which facets that look ahead may cross ones of the second that look back, (k, 2), widest first."""
     # those that cross are ahead before, or behind by no more than the length of the way, and behind after it
     rows, boxes = list[Ints](), list[Array]()
-    for own, sign, spare in ((one, 1.0, length), (two, -1.0, 0.0)):
+    for own, sign, raised in ((one, 1.0, length), (two, -1.0, 0.0)):
         facing = np.flatnonzero(sign * own.areas > slack * slack)
         heights, flat = own.corners[facing, ..., 2].reshape(-1, 6), own.flat[facing]
-        boxes.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - spare]))
+        boxes.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - raised]))
         boxes.append(np.column_stack([flat.max(axis=1), heights.max(axis=1) - slack]))
         rows.append(facing)
     low, high, under, over = boxes

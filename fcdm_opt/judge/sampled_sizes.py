@@ -77,18 +77,18 @@ class GapClaims:
     # optional: the contact that the gap is of, its part pair, and its direction from body 1 to body 2; else all counted
     contact: tuple[Feature, tuple[int, int], Array] | None = None
     name: str = ""  # before those of the checks
-    beside: Sequence[GapClaims] = ()  # of further contacts
+    further: Sequence[GapClaims] = ()  # of further contacts
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of it; raises `TimeOverError` before all ends of ranges are judged."""
-        every, found = (self, *self.beside), list[Check]()
+        every, found = (self, *self.further), list[Check]()
         for k, own in enumerate(every):
             with pacing.sharing(1.0 / (len(every) - k)):
                 found += own._checks()
         return tuple(found)
 
     def _checks(self) -> tuple[Check, ...]:
-        """Return the same without what is `beside`."""
+        """Return the same without what is `further`."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies) + self.second_order
         if self.permanent_faces is not None:  # surfaces are taken from corners with the digits of files
             slack += max(body.rounding for body in self.bodies)

@@ -26,7 +26,7 @@ from fcdm_opt.geometry.measures import cross, least_vector, norms
 from fcdm_opt.geometry.naming import pair_in_words
 from fcdm_opt.geometry.packing import packed_in_one
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import held, independent, seat_of, spins, untracked
+from fcdm_opt.model.seats import flush_of, held, independent, spins, untracked
 from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
@@ -131,11 +131,11 @@ class Task:
         joints = problem.chosen_joints
         if joints:
             named = set(problem.contacts)
-            seats = tuple(seat for seat in problem.nominal_seats if {seat.feature, seat.touching} & named)
+            seats = tuple(flush for flush in problem.nominal_seats if {flush.feature, flush.touching} & named)
         elif problem.goal in TRACKING:
             lines = problem.tracked_lines
             if problem.goal == "seat":
-                pieces = tuple(seat_of(line, seats) or line for line in lines)
+                pieces = tuple(flush_of(line, seats) or line for line in lines)
             else:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
@@ -206,9 +206,9 @@ class Task:
     @cached_property
     def _seating(self) -> tuple[Array, float]:
         """The least shift, (3,), that brings faces which stay flush onto one another, and by how much it misses."""
-        faces = [seat for seat in self.seats if seat.whole]
-        normals = np.array([seat.normal for seat in faces]).reshape(-1, 3)
-        gaps = np.array([seat.gap(self.target) for seat in faces])
+        faces = [flush for flush in self.seats if flush.whole]
+        normals = np.array([flush.normal for flush in faces]).reshape(-1, 3)
+        gaps = np.array([flush.gap(self.target) for flush in faces])
         found = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if faces else np.zeros(3)
         return found, float(np.abs(normals @ found - gaps).max(initial=0.0))
 
@@ -667,7 +667,7 @@ class Task:
             overlaps: list[float] | None = []
         else:
             overlaps = overlaps_between(self.movable, self.static, ends, touching, self.flat)
-        alike = all(len(seat.carriers) == 1 or seat.holds_between(*ends) for seat in self.seats)
+        alike = all(len(flush.carriers) == 1 or flush.holds_between(*ends) for flush in self.seats)
         return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked, *ends)]
 
     def _renamed(
@@ -691,7 +691,7 @@ class Task:
             contact = supporting_contact(one, two, feature.normal, pose)
             if whole is not None and whole != located(one, two, pose, contact, rho).feature:
                 return False
-        return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
+        return all(flush.holds(pose, rho, self.flat) for flush in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack."""
@@ -720,7 +720,7 @@ class Task:
         for joint in self.joints:  # some part pair that carries it touches
             if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.carriers) <= slack:
                 return False
-        return all(seat.holds(pose, self.target, self.flat) for seat in self.seats)
+        return all(flush.holds(pose, self.target, self.flat) for flush in self.seats)
 
     @property
     def is_equation(self) -> bool:

@@ -171,7 +171,7 @@ def expand_active_parts(
         return None
     movable, static, pose = problem.movable, problem.static, np.eye(4) if transform is None else transform
     kept = [np.isin(np.arange(len(own.parts)), rows) for own, rows in zip((movable, static), known, strict=True)]
-    reasons = [_overlapping(problem, movable, static, pose), *_beside_keep_outs(problem, movable, pose)]
+    reasons = [_overlapping(problem, movable, static, pose), *_near_keep_outs(problem, movable, pose)]
     found = [_new(*reason, kept, most) for reason in reasons]
     if "touch" in (problem.goal, problem.pair) and not problem.contacts:
         sooner = (_new(*reason, kept, most) for reason in _touching_sooner(problem, movable, static, amount, kept))
@@ -225,7 +225,7 @@ def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> 
     return near.parts[depth < -slack], depth[depth < -slack]
 
 
-def _beside_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[Reason]:
+def _near_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[Reason]:
     """Yield the parts of body 1 that are too near a keep-out at a pose, for each and either end of its scales."""
     for keep_out in problem.keep_out:
         for scale in keep_out.ends:

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.measures import nearest_mixture
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import held, seat_of, untracked
+from fcdm_opt.model.seats import flush_of, held, untracked
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -149,7 +149,7 @@ class TrackedCrossing:
 
     kinds: tuple[int, ...]
     given: list[Interval]
-    beside: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
+    face_normals: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
 
 
 class Examiner:
@@ -173,7 +173,7 @@ class Examiner:
         lines: Any = problem.tracked_lines
         seats = problem.nominal_seats if problem.goal == "seat" else ()
         if seats:
-            lines = tuple(seat_of(line, seats) or line for line in lines)
+            lines = tuple(flush_of(line, seats) or line for line in lines)
         others = untracked(seats, lines, problem.target)
         bodies = problem.active
         made = (feature_points(*bodies, own.site, own.parts, own.normal, np.eye(3)) for own in (*lines, *others))
@@ -428,7 +428,7 @@ class Examiner:
             for code, own in enumerate((*short, _opposed(*excess), _opposed(*ends[1:3]))):
                 here = witness[:, 0] == code
                 yield here, _flat(own, count)[here]
-        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
+        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.face_normals):
             yield slice(None), self._off_edge(poses, self.crossing)
         else:
             for k, feature in enumerate(features):
@@ -445,7 +445,7 @@ class Examiner:
         u, x, y = (Interval.stacked(crossing.given[2 + 3 * k : 5 + 3 * k], ()) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
-        for n in crossing.beside:
+        for n in crossing.face_normals:
             across = cross(u, cross(Interval(n), u))  # at right angles to the edge, whatever n is
             given = numbers_of(across, Interval(np.zeros(3)), *points)
             (low,), (high,) = poses.bounds(conditions.separation((F1V2, V1F2)[crossing.kinds[0]]), given)

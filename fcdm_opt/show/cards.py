@@ -135,7 +135,7 @@ def curve_card(curve: DecisionCurve) -> Card:
         "contact changes at": [f"SW{point.index} ({numbers(point.rho)}), {point.kind}" for point in points],
     }
     text = f"decision curve, {counted(len(segments), 'segment')}"
-    picture = decision_curve_figure(curve, beside=False) if segments and np.isfinite(curve.box).all() else None
+    picture = decision_curve_figure(curve, tables=False) if segments and np.isfinite(curve.box).all() else None
     return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture, caption=text)
 
 

@@ -33,7 +33,7 @@ from fcdm_opt.tolerances import DEFAULT
 REFUSED = "#A33F00"
 """Of words that there is no motion to use, 6 to 1 on the light ground that they have in any colour scheme."""
 
-ALONE, VIEW = 2.6, (27.0, -54.0)
+BODY_SIDE, VIEW = 2.6, (27.0, -54.0)
 """Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
 
 LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
@@ -243,9 +243,9 @@ def _inches_a_length(axes: Any) -> float:
 def body_figure(body: Body) -> Figure:
     """Draw one body as drawn, with its seed."""
     shown = ShownBodies([(body, BLUE, body.name)], np.vstack([body.vertices, body.seed]), VIEW)
-    height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
-    sheet = Sheet.of(ALONE, height)
-    axes = _axes_for(sheet, (0.0, 0.0, ALONE, height), shown)
+    height = float(np.clip(shown.slenderness * BODY_SIDE, LEAST, MOST))
+    sheet = Sheet.of(BODY_SIDE, height)
+    axes = _axes_for(sheet, (0.0, 0.0, BODY_SIDE, height), shown)
     _draw_solids(axes, shown)
     axes.scatter(*(body.seed @ page_directions(*VIEW)), s=22, marker="x", color=BLACK, zorder=5)
     return sheet.figure
@@ -512,12 +512,12 @@ def _draw_old(
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    width, alone = float(np.ptp(axes.get_xlim())), raster.empty()
+    width, own = float(np.ptp(axes.get_xlim())), raster.empty()
     polygons, edges, opened = _cut_open(old, cut, np.cross(page[:, 0], page[:, 1]))
-    alone.fill(polygons + opened, BLUE, 0)
-    pieces = _joined(alone.visible(edges), width)
+    own.fill(polygons + opened, BLUE, 0)
+    pieces = _joined(own.visible(edges), width)
     axes.add_collection(LineCollection(pieces, colors=shown.solids[k][1], zorder=3, **OLD))
-    return alone, pieces
+    return own, pieces
 
 
 def _name_old(
@@ -827,10 +827,10 @@ def _shared(faces: tuple[Element, ...], shown: tuple[Body, Body], near: float) -
         return np.empty((0, 3, 3))
     flat = np.linalg.svd(normal[None])[2][1:]
     one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in polygons)
-    outlines = (one ^ two).to_polygons()
-    if not outlines:
+    loops = (one ^ two).to_polygons()
+    if not loops:
         return np.empty((0, 3, 3))
-    return origin + (np.vstack(outlines) @ flat)[np.array(triangulate(outlines))]
+    return origin + (np.vstack(loops) @ flat)[np.array(triangulate(loops))]
 
 
 def shifts_of(problem: Problem) -> tuple[tuple[float, ...], ...]:

@@ -40,7 +40,7 @@ ON_CURVE, ROUNDED = 12, 4.0
 """Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
 what facets leave of round faces stay where they are."""
 
-BESIDE = 1e-6
+LEVEL_OFFSET = 1e-6
 """Share of the size by which bodies are cut before a contact: faces in the plane itself are neither cut nor left."""
 
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
@@ -194,7 +194,7 @@ class Cut(NamedTuple):
             within = (ends[:, :1] <= levels) & (levels <= ends[:, 1:])
             met, areas = (each_once[:, :, None] & within).any(axis=1).mean(axis=0), within.mean(axis=0)
             best = np.lexsort((areas, met))[-1]
-            level = levels[best] + BESIDE * max(body.size for body in bodies)
+            level = levels[best] + LEVEL_OFFSET * max(body.size for body in bodies)
             point = first.middle + (level - first.middle @ facing) * facing
             depths = [-(body.vertices - point) @ facing for body in bodies]
             if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):

@@ -103,19 +103,19 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.axvline(0.0, color=BLACK, linewidth=0.6)
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
-    beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
+    style: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
     for row, item in zip(middles.tolist(), rows, strict=True):
         if isinstance(item, str):
             axes.annotate(literal(item), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
-                          fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
+                          fontweight="bold", annotation_clip=False, **style)  # fmt: skip
             continue
         bar, less = item, item.value < 0.0
         axes.barh(row, bar.value, 0.62, color=GREY if less else DARK, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
-                      ha="right" if less else "left", color=DARK, **beside)  # fmt: skip
+                      ha="right" if less else "left", color=DARK, **style)  # fmt: skip
         axes.annotate(bar.unit, (1.0, row), xycoords=("axes fraction", "data"), xytext=(6.0, 0.0),
-                      annotation_clip=False, **beside)  # fmt: skip
+                      annotation_clip=False, **style)  # fmt: skip
     return sheet.figure
 
 

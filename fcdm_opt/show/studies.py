@@ -41,7 +41,7 @@ a scale of colours."""
 WIDE, HIGH, ONE = 4.8, 1.5, 2.7
 """Inches: width of a panel that stands alone, least height of one of several, and that of one."""
 
-KEY, LETTERS, BESIDE = 0.15, 112, 9
+KEY, LETTERS, KEY_MARK = 0.15, 112, 9
 """Inches that a line of the legend is high; letters that fit into it, and what goes with each key counts as so many."""
 
 POINTS = "points worked out"
@@ -139,7 +139,7 @@ def _fields(
 
     markers = _markers(data)
     labels = axis_text(along.label), axis_text(across.label)
-    sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], beside=BAR)
+    sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], margin=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -197,7 +197,7 @@ def _panels(
     words: tuple[str, str],
     keys: Sequence[str],
     *,
-    beside: float = 0.0,
+    margin: float = 0.0,
 ) -> tuple[Sheet, list[tuple[list[int], Any]]]:
     """Return a sheet with a panel for each combination of values, and their places; room below for keys.
 
@@ -208,13 +208,13 @@ def _panels(
     spots = list(_combinations(axes))[:PANELS]
     columns = min(len(spots), 3 if len(spots) > 4 else 2)
     rows = math.ceil(len(spots) / columns)
-    width = (PAGE - LEFT - RIGHT - beside - ACROSS * (columns - 1)) / columns
+    width = (PAGE - LEFT - RIGHT - margin - ACROSS * (columns - 1)) / columns
     width, height = (min(WIDE, width), ONE) if columns == 1 else (width, max(HIGH, 0.75 * width))
-    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + BESIDE))))
+    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + KEY_MARK))))
     foot = KEY * math.ceil(len([key for key in keys if key]) / across) + 0.05
     step = height + (ABOVE if axes else 0.08)
     sheet = Sheet.of(PAGE, foot + BELOW + rows * step, title=words[0], caption=words[1])
-    left = LEFT if columns > 1 else (PAGE - width - beside) / 2 + 0.1
+    left = LEFT if columns > 1 else (PAGE - width - margin) / 2 + 0.1
     made: list[tuple[list[int], Any]] = []
     for k, (place, name) in enumerate(spots):
         row, column = divmod(k, columns)

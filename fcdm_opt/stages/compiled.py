@@ -529,13 +529,13 @@ def _violation(g, equal, count):
 @kernel
 def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
     """Subtract from H the second differences of the rows that count, by their multipliers; tell if there are any."""
-    k, ints, only, beside = len(z), rows[0], np.zeros(count), np.empty(len(z))
+    k, ints, only, shifted = len(z), rows[0], np.zeros(count), np.empty(len(z))
     for c in range(count):
         only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != ROW_BOUND else 0.0
     for m in range(k):
-        beside[:] = z
-        beside[m] += SPREAD
-        if not evaluate(scene, rows, count, only, beside, g2, G2):
+        shifted[:] = z
+        shifted[m] += SPREAD
+        if not evaluate(scene, rows, count, only, shifted, g2, G2):
             return False
         for c in range(count):
             if only[c] > 0.0:

@@ -200,10 +200,10 @@ def among_others(task: Task) -> Answer | None:
 def _answered(own: System, z: Array, bound: float) -> Answer:
     """Return a motion that restores all contacts as the answer; see `least`."""
     task, q, slack = own.task, own.q(z), DEFAULT.active * own.task.size
-    beside = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
-    near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & beside).tolist()
+    counted = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
+    near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & counted).tolist()
     gaps = task.pair_gaps(q, {(i, j): task.direction_between((i, j), q) for i, j in near})
-    stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & beside).tolist()]
+    stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & counted).tolist()]
     stopped = stopped if own.features else own.deciding(stopped, z)
     names, count = dict.fromkeys(map(task.named, stopped)), len(task.joints)
     first = f"{count} contacts at once" if count > 1 else "the contact"
@@ -379,7 +379,7 @@ class System:
         if self.task.motion.shifts:
             return []
         own = {feature.parts for feature in self.features}
-        return [turn for seat in self.task.seats if seat.parts in own for turn in seat.turns]
+        return [turn for flush in self.task.seats if flush.parts in own for turn in flush.turns]
 
     @property
     def stage(self) -> str:
@@ -555,10 +555,10 @@ class System:
         # an edge may lie on the border of a face
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
-        for seat in self.task.seats:
-            if seat.touching == feature and (seat.dimension > 1 or shared > NARROWEST):
-                across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
-                width = shared * seat.least / self.task.size
+        for each in self.task.seats:
+            if each.touching == feature and (each.dimension > 1 or shared > NARROWEST):
+                across = norms(normals - np.outer(normals @ each.normal, each.normal))  # aslant as much less is enough
+                width = shared * each.least / self.task.size
                 over = np.where(across > DEFAULT.sharp, np.maximum(over, across * width), over)
         return over
 
@@ -907,7 +907,7 @@ def _fitted(task: Task) -> Answer:
     none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
     blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
     clearances = ForbiddenShifts(task)
-    standing = np.inf if exact else own.misfit(z)
+    misfit = np.inf if exact else own.misfit(z)
     for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
@@ -934,12 +934,12 @@ def _fitted(task: Task) -> Answer:
         if found is None:
             return failed
         step = float(np.abs(found - z).max())
-        if not exact and step > SHORT_STEP and own.misfit(found) > standing:
+        if not exact and step > SHORT_STEP and own.misfit(found) > misfit:
             trusted = step / 4.0
             continue
         turned = not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0  # to and fro about the least gap
         trusted = min(trusted, step / 2.0) if turned else trusted
-        last, z, standing = found - z, found, np.inf if exact else own.misfit(found)
+        last, z, misfit = found - z, found, np.inf if exact else own.misfit(found)
         if turned and step <= SETTLED:
             step = 0.0
         if not exact and step > CONTRACTED:
@@ -949,7 +949,7 @@ def _fitted(task: Task) -> Answer:
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
-        blocked, standing = blocked | more, np.inf  # what keeps clear of more may fit less
+        blocked, misfit = blocked | more, np.inf  # what keeps clear of more may fit less
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=(*own.overlaps(q)[:MOST_VIOLATED], "parts overlap besides these contacts"))

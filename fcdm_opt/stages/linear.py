@@ -132,16 +132,16 @@ def straight(task: Task) -> Answer | None:
     slack, along = DEFAULT.line * task.size, task.motion.shift_vectors(task.movable.seed, task.static.seed)[0]
     pairs = meeting(task, steady_motion(task, np.ones(1)))
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
-    low, high, beside, features = task.spans(pairs, along).T
-    met = (beside <= slack) & (low <= high + slack)
+    low, high, apart, features = task.spans(pairs, along).T
+    met = (apart <= slack) & (low <= high + slack)
     normals = dict[int, Array]()  # before and beyond what a clearance blocks
     for k in np.flatnonzero(met & (needs > 0.0)).tolist():
         pacing.check()
         normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
         low[k], high[k], distance = nearer_than(needs[k], *placed(task, (i, j)), along, low[k], high[k], normals[k])
-        beside[k] = max(beside[k], distance - needs[k])
+        apart[k] = max(apart[k], distance - needs[k])
     met &= low <= high + slack
-    blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
+    blocked = np.flatnonzero(met & (apart < -slack) & (low < high - slack))
     places = np.clip([0.0, *low[met], *high[met]], *task.limits[0])
     if task.must_touch:
         own = met & ~others

@@ -220,7 +220,7 @@ def _solids(task: Task) -> tuple[Any, Any, Array]:
     """Return body 1 at the scale made, the obstacles about s_2, and the gap that each needs."""
     movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
     others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.obstacles]
-    return together(movable), together(others), np.array(task.needs)
+    return stacked(movable), stacked(others), np.array(task.needs)
 
 
 def _speed(motion: Array, points: Array) -> float:
@@ -250,7 +250,7 @@ def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array,
     return points, faces, part.edges
 
 
-def together(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
+def stacked(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
     """Return the tables of several parts one after the other, and the first row of each in the first three."""
     places = np.cumsum([(0, 0, 0), *([len(table) for table in each[:3]] for each in tables)], axis=0)
     return (*(np.ascontiguousarray(np.concatenate(each)) for each in zip(*tables, strict=True)), places)

@@ -201,9 +201,9 @@ class Relaxation:
         """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns."""
         # the last is more than is needed, where a turn opens them to second order only
         task, added = self.task, False
-        for seat in task.seats if s == 1.0 else ():
-            if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
-                overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
+        for flush in task.seats if s == 1.0 else ():
+            if flush.misfit(pose, task.target) <= DEFAULT.cut * task.size:
+                overlap, least = flush.overlap(pose, task.target), KEPT_SHARED * flush.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
                     values = np.concatenate([overlap.direction / task.unit, overlap.one, overlap.two])
                     name = "flush contacts stay on one another"

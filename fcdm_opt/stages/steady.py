@@ -157,9 +157,9 @@ def _looked(motion, amount, ones, twos, offset, needs, pairs, partner, touch, ti
     points2, faces2, edges2, places2 = twos
     site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
     excess, others, short, others_short = FAR, FAR, 0.0, 0.0
-    before, alone = int(found[4]), partner == len(places2) - 1 or not touch
+    before, single = int(found[4]), partner == len(places2) - 1 or not touch
     found[4] = -1.0
-    for turn in range(-1 if timed and alone and before >= 0 else 0, len(pairs)):
+    for turn in range(-1 if timed and single and before >= 0 else 0, len(pairs)):
         code = before if turn < 0 else turn
         if until[code] > amount + enough:
             continue
@@ -197,7 +197,7 @@ def _looked(motion, amount, ones, twos, offset, needs, pairs, partner, touch, ti
                 short = max(short, time)
             else:
                 others_short = max(others_short, time)
-            if alone and time >= enough:
+            if single and time >= enough:
                 found[4] = code
                 break
         else:

@@ -98,13 +98,13 @@ class _TurnSearch:
         if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
-        self.one = rays.together([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
+        self.one = rays.stacked([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
         others, seed = task.obstacles[: len(task.static.parts)], task.static.seed
-        self.two = rays.together([_tables(own.part, own.scale, offset + own.part.seed - seed) for own in others])
+        self.two = rays.stacked([_tables(own.part, own.scale, offset + own.part.seed - seed) for own in others])
         self.touching, self.apart = self._pairs()
         at_will = not np.isfinite(task.limits[translations]).any() and task.allows(task.rest)
-        alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
-        self.plain = exact and at_will and alone
+        single = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
+        self.plain = exact and at_will and single
         self.weights = np.ones(3)
         self.weights[: len(rotations)] = task.weights[rotations]
         circumradius = float(np.linalg.norm(self.one[0], axis=1).max())

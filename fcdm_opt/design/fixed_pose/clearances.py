@@ -258,7 +258,7 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     at, (pairs, source) = scene.rows(poses), drawn(asked.box)
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
-    whole = replace(first, beside=others)
+    whole = replace(first, further=others)
     return _Found(transform, least, most, pairs, source, at.gaps(pairs), whole, (), extremes.doubt, not scene.of_facets)
 
 

@@ -284,7 +284,7 @@ class WorstContacts(Worst):
         for kept in () if failed else self.keep_out:
             claim = gaps.claim(kept.problem, kept.columns, kept.transform(q))
             others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
-        return replace(first, beside=others)
+        return replace(first, further=others)
 
     def bound(self, slack: float, *, amounts: bool) -> float | None:
         """Return what no pose has less of, its amount or how far its worst gap is off; None where the motion turns."""

@@ -66,7 +66,7 @@ class Loop:
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
-        return replace(self.pair, least=least, largest=largest, told=told, beside=self.closed)
+        return replace(self.pair, least=least, largest=largest, told=told, further=self.closed)
 
 
 def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[], Any] | None, **how: Any) -> Any:

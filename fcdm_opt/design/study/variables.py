@@ -340,9 +340,9 @@ class Derivation:
             if name in formulas:
                 raise InputError("it follows from others and cannot vary", key=key, found=formulas[name].text)
             known_word(name, numbers, "no such parameter", key=key)
-        spare = parameters.keys() - {name for _, formula in used for name in formula.names}
-        if spare:
-            name = min(spare, key=list(parameters).index)
+        unused = parameters.keys() - {name for _, formula in used for name in formula.names}
+        if unused:
+            name = min(unused, key=list(parameters).index)
             raise InputError("nothing uses this parameter", key=f"parameters.{name}", allowed="an expression with it")
         try:
             graph = {name: formula.names for name, formula in formulas.items()}

@@ -31,7 +31,7 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
 DRAWN = 0.6  # share of what is left then for what may be left out; the rest is for what is drawn in any case
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
-BESIDE = 1.0  # seconds for a requirement that the file does not ask for
+SIDE_SECONDS = 1.0  # seconds for a requirement that the file does not ask for
 
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
 """What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
@@ -56,12 +56,12 @@ def gather(
     """
     files = list(files)
     asked = [problem for file in files for problem in file.problems]
-    together = process_pool.cores(len(asked))
+    workers = process_pool.cores(len(asked))
 
     def case(number: int) -> dict[str, Any]:
-        problem, part = asked[number], min(1.0, together / (len(asked) - number))
+        problem, part = asked[number], min(1.0, workers / (len(asked) - number))
         with pacing.working_on(f"case {problem.name}"), pacing.sharing(part):
-            if number >= together:  # those before are drawn whatever the time is
+            if number >= workers:  # those before are drawn whatever the time is
                 pacing.check()
             with pacing.sharing(SOLVED):
                 proved = certify and not problem.partial  # of large meshes the checker takes long
@@ -187,7 +187,7 @@ def _missing(leading: Problem, letter: str) -> dict[str, Any]:
         return {**empty, "note": pacing.stopped()}
     try:
         asked = leading.changed(requirement=letter, name="", published=None, published_text="")
-        solution = solve(asked, effort="quick", time=BESIDE)
+        solution = solve(asked, effort="quick", time=SIDE_SECONDS)
     except (InputError, pacing.TimeOverError) as reason:
         return {**empty, "note": f"{note}; {reason}"}
     return _cell(None, answered(solution), "", note=f"{note}; {solution.stopped}" if solution.stopped else note)
