@@ -70,7 +70,7 @@ def _quarter_turn(rng: np.random.Generator) -> np.ndarray:
 def _contact_place(rng: np.random.Generator, one: Solid, two: Solid, R: np.ndarray, rho: np.ndarray) -> np.ndarray:
     """Offset of the seeds along a random way, near where the solids touch at a scale pair."""
     way = _direction(rng)
-    low, high = 0.0, float(rho @ (one.circumradius, two.circumradius))
+    low, high = 0.0, float(rho @ (one.reach, two.reach))
     for _ in range(10):
         middle = (low + high) / 2
         overlap = _meshes(one, two, R, middle * way).verdict(rho).overlap
@@ -80,7 +80,7 @@ def _contact_place(rng: np.random.Generator, one: Solid, two: Solid, R: np.ndarr
 
 def _nested_place(rng: np.random.Generator, one: Solid, two: Solid, R: np.ndarray, rho: np.ndarray) -> np.ndarray:
     """Offset of the seeds within the larger solid's reach; of some, where the verdict changes most often in the box."""
-    offsets = [_direction(rng) * rng.uniform() * two.circumradius * rho[1] for _ in range(PLACES)]
+    offsets = [_direction(rng) * rng.uniform() * two.reach * rho[1] for _ in range(PLACES)]
     return max(offsets, key=lambda offset: _changes(_meshes(one, two, R, offset)))
 
 
@@ -200,7 +200,7 @@ def compare_with_meshes(
     )
     for rho in scale_pairs(drawing, rng, count):
         tally.counts["scale pairs"] += 1
-        size = float(rho @ (pair.movable.circumradius, pair.static.circumradius))
+        size = float(rho @ (pair.movable.reach, pair.static.reach))
         gap, truth = float(curve.gap(rho)), pair.meshes.verdict(rho)
         if abs(gap) < BAND * size:
             tally.counts["in the band"] += 1
