@@ -112,19 +112,19 @@ class _Solving:
     def _met(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet some contacts that share motions."""
         try:
-            alone = len(group) == 1 and self._assembly.is_own(group[0]) and self._assembly.amount == "weighted"
-            return self._alone(group[0]) if alone else self._together(group)
+            single = len(group) == 1 and self._assembly.is_own(group[0]) and self._assembly.amount == "weighted"
+            return self._single(group[0]) if single else self._system(group)
         except pacing.TimeOverError as over:
             return _Met(Status.NOT_FOUND, {}, 0.0, f"{', '.join(map(str, group))}: {over}", (), {})
 
-    def _alone(self, pair: JoinedPair) -> _Met:
+    def _single(self, pair: JoinedPair) -> _Met:
         """Meet the one contact that a part's motion is for."""
         found, part = self._solved(pair), pair.one
         q = {part: np.array([*found.parameters.values()])} if found.status.found else {}
         weight = self._assembly.weights[part]
-        active = tuple(f"{pair}: {told}" for told in found.active)
-        ends, told = (weight * found.amount_low, weight * found.amount_high), f"{pair} (stage {found.stage})"
-        return _Met(found.status, q, weight * found.lower_bound, told, active, {pair[:2]: found}, ends)
+        active = tuple(f"{pair}: {text}" for text in found.active)
+        ends, stage = (weight * found.amount_low, weight * found.amount_high), f"{pair} (stage {found.stage})"
+        return _Met(found.status, q, weight * found.lower_bound, stage, active, {pair[:2]: found}, ends)
 
     def _solved(self, pair: JoinedPair) -> Solution:
         """Return the solution of a contact by one part's own motion, worked out once."""
@@ -132,7 +132,7 @@ class _Solving:
             self._known[pair[:2]] = self._solve(self._assembly.problem(pair))
         return self._known[pair[:2]]
 
-    def _together(self, group: Sequence[JoinedPair]) -> _Met:
+    def _system(self, group: Sequence[JoinedPair]) -> _Met:
         """Meet all contacts of a group in one program."""
         assembly, names = self._assembly, [*map(str, group)]
         parts = assembly.sharing(group)
@@ -274,18 +274,18 @@ class _Solving:
     def _reported(self, groups: Sequence[_Met], q: dict[str, Array]) -> AssemblySolution:
         """Return what was found of all groups; a motion that no contact depends on rests."""
         assembly = self._assembly
-        stages, active = (group.stage for group in groups), (told for group in groups for told in group.active)
+        stages, active = (group.stage for group in groups), (text for group in groups for text in group.active)
         bound = hypot(*(group.bound for group in groups))
-        told: dict[str, Any] = {"assembly": assembly, "stages": tuple(stages), "active": tuple(active)}
+        fields: dict[str, Any] = {"assembly": assembly, "stages": tuple(stages), "active": tuple(active)}
         if self._certify:
-            told["evidence"] = tuple(SharedBound(group.shared, group.bound) for group in groups if group.shared)
+            fields["evidence"] = tuple(SharedBound(group.shared, group.bound) for group in groups if group.shared)
         failed = [group for group in groups if not group.q]
         if failed:
             worst = next((group.status for group in failed if group.status is Status.INFEASIBLE), failed[0].status)
-            told["active"] = tuple(why for group in failed for why in group.active or (group.why_not,))
+            fields["active"] = tuple(why for group in failed for why in group.active or (group.why_not,))
             if any(own.open_[0] == np.inf for own in failed):  # of true parts, too
-                told |= dict.fromkeys(("amount_low", "amount_high"), np.inf)
-            return AssemblySolution(status=worst, lower_bound=bound, **told)
+                fields |= dict.fromkeys(("amount_low", "amount_high"), np.inf)
+            return AssemblySolution(status=worst, lower_bound=bound, **fields)
         every = {part: q.get(part, self._rest(part)) for part in assembly.motions}
         weights = {part: motion.weights(assembly.lengths[part]) for part, motion in assembly.motions.items()}
         amounts = {part: float(np.linalg.norm(weights[part] * own)) for part, own in every.items()}
@@ -308,19 +308,19 @@ class _Solving:
             amount_low=min(low, amount),
             amount_high=max(high, amount),
             contacts=tuple(contacts[pair[:2]] for pair in assembly.contacts),
-            **told,
+            **fields,
         )
 
 
 def _groups(assembly: Assembly, pairs: Sequence[JoinedPair]) -> Iterator[list[JoinedPair]]:
     """Yield the contacts in groups that share no motion."""
-    left = [(pair, set(assembly.sharing([pair]))) for pair in pairs]
-    while left:
-        pair, parts = left.pop(0)
+    remaining = [(pair, set(assembly.sharing([pair]))) for pair in pairs]
+    while remaining:
+        pair, parts = remaining.pop(0)
         group, grown = [pair], True
         while grown:
-            near = [own for own in left if own[1] & parts]
-            grown, left = bool(near), [own for own in left if not own[1] & parts]
+            near = [own for own in remaining if own[1] & parts]
+            grown, remaining = bool(near), [own for own in remaining if not own[1] & parts]
             group += [own for own, _ in near]
             parts = parts.union(*(own for _, own in near))
         yield group

@@ -88,8 +88,8 @@ NOTICE = "compiling numerical kernels, kept for later runs: three minutes at mos
 ALL_AT_ONCE = "fcdm-opt warmup compiles them all"
 LITTLE = 400000  # entries of all its arrays up to which it is light
 PLACES = 1 << 16  # of kernels in what processes share
-_left = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
-_left[0] = IN_ALL
+_allowance = np.frombuffer(mmap(-1, 8))  # seconds, of this process and all that are copies of it
+_allowance[0] = IN_ALL
 _spent = np.frombuffer(mmap(-1, 8 * PLACES))  # seconds of each kernel, in all these processes
 _made = [0]  # how many kernels were compiled
 _taken = [0.0]  # seconds that are to be noted
@@ -139,7 +139,7 @@ def _with_called(made: _Compiled, known: set[_Compiled]) -> set[_Compiled]:
 
 def eager() -> None:
     """Compile light kernels, too, when they are first called: from now on, in this process."""
-    _left[0] = 0.0
+    _allowance[0] = 0.0
 
 
 def stay_behind(nice: int) -> None:
@@ -228,7 +228,7 @@ class _Compiled(_Dispatcher):
             called = () if self.is_there() else _with_called(self, set())
             self.asked, code = _made[0], sum(len(each.py_func.__code__.co_code) for each in called)
             self.patience = min(self.patience, self.share * COMPILING * code)
-        lasting = min(self._lasting(), _left[0]) > 0.0 and not self.overloads
+        lasting = min(self._lasting(), _allowance[0]) > 0.0 and not self.overloads
         return lasting and sum(array.size for array in _arrays(args)) <= LITTLE
 
     def is_there(self) -> bool:
@@ -266,12 +266,12 @@ class _Compiled(_Dispatcher):
 def _count_runs() -> None:
     """Allow plain Python what earlier runs left of it."""
     with suppress(RuntimeError, OSError, ValueError):  # nowhere to write, or not written by this
-        _left[0] = min(_left[0], IN_RUNS - sum(map(float, _kept_in(NOTE).read_text("ascii").split())))
+        _allowance[0] = min(_allowance[0], IN_RUNS - sum(map(float, _kept_in(NOTE).read_text("ascii").split())))
 
 
 def _note(took: float) -> None:
     """Note seconds of plain Python for this run and later ones, when they are enough to be noted."""
-    _left[0] -= took
+    _allowance[0] -= took
     _taken[0] += took
     if _taken[0] >= NOTED:
         with suppress(RuntimeError, OSError), _kept_in(NOTE).open("a", encoding="ascii") as file:
@@ -517,8 +517,8 @@ class _Versions(IndexDataCacheFile):
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version, then the index: what that names is there."""
-        said = repr((self._source_stamp, str(key[0]), *key[1:])).encode()
-        name = self._data_name_pattern.replace("{number:d}", hashlib.sha256(said).hexdigest()[:16])
+        identity = repr((self._source_stamp, str(key[0]), *key[1:])).encode()
+        name = self._data_name_pattern.replace("{number:d}", hashlib.sha256(identity).hexdigest()[:16])
         self._save_data(name, data)
         known = self._load_index()
         self._save_index({**known, key: name})
@@ -554,38 +554,38 @@ def stamp_of(function: Any) -> str:
     if known is None:
         _STAMPS[function] = ""  # where it calls itself
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        said = _read(function.__code__, function, cells)
+        parts = _read(function.__code__, function, cells)
         known = _STAMPS[function] = hashlib.sha256(
-            repr((KEPT_AS, _OPTIONS, _STEP, function.__defaults__, said)).encode()
+            repr((KEPT_AS, _OPTIONS, _STEP, function.__defaults__, parts)).encode()
         ).hexdigest()
     return known
 
 
 def _read(code: CodeType, function: Any, values: list[Any]) -> list[Any]:
     """Return what some code of a function says, but for its docstring and lines, and what stands behind its names."""
-    said: list[Any] = [code.co_code, code.co_names, code.co_argcount, code.co_varnames]
+    parts: list[Any] = [code.co_code, code.co_names, code.co_argcount, code.co_varnames]
     for k, constant in enumerate(code.co_consts):
         if isinstance(constant, CodeType):
-            said += _read(constant, function, [])
+            parts += _read(constant, function, [])
         elif k or constant != function.__doc__:
-            said.append(constant)
+            parts.append(constant)
     names = function.__globals__
     values += [names[name] for name in code.co_names if name in names]
     for value in values:
         if isinstance(value, _Compiled):
-            said.append(value.targetoptions)
+            parts.append(value.targetoptions)
             value = value.py_func
         if isinstance(value, FunctionType):
-            said.append(stamp_of(value))
+            parts.append(stamp_of(value))
         elif isinstance(value, np.ndarray):
-            said += [value.dtype.str, value.shape, value.tobytes()]
+            parts += [value.dtype.str, value.shape, value.tobytes()]
         elif isinstance(value, ModuleType | type):
-            said.append(value.__name__)
+            parts.append(value.__name__)
             if value.__name__.startswith("fcdm_opt."):  # what is taken from another module by its name
                 values += [vars(value)[name] for name in code.co_names if name in vars(value)]
         else:
-            said.append(value)
-    return said
+            parts.append(value)
+    return parts
 
 
 # ----------------------------------------------------------------------------------------------------- how far it is

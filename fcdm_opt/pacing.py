@@ -201,7 +201,7 @@ def unlimited() -> _Override:
     return _Override(_limit, _Given(math.inf, math.inf, math.inf))
 
 
-def left() -> float:
+def remaining() -> float:
     """Return the seconds that are left, infinitely many where no limit is set."""
     end = _limit.get().end
     return end - clock() if end < math.inf else math.inf

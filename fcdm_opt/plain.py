@@ -78,15 +78,15 @@ def plain(value: Any, infinite: Callable[[float], Any] = str) -> Any:
     return value.name if isinstance(value, Enum) else value
 
 
-def agree(told: Any, own: Any, slack: float, share: float = 1e-9) -> bool:
+def agree(given: Any, own: Any, slack: float, share: float = 1e-9) -> bool:
     """Tell whether plain data say the same, but for a share of numbers, and what is within `slack`."""
-    if isinstance(told, Mapping) and isinstance(own, Mapping):
-        return told.keys() == own.keys() and all(agree(told[key], own[key], slack, share) for key in own)
-    if isinstance(told, list | tuple) and isinstance(own, list | tuple):
-        return len(told) == len(own) and all(agree(*pair, slack, share) for pair in zip(told, own, strict=True))
-    if {type(told), type(own)} <= {int, float}:
-        return math.isclose(told, own, rel_tol=share, abs_tol=slack)
-    return type(told) is type(own) and bool(told == own)
+    if isinstance(given, Mapping) and isinstance(own, Mapping):
+        return given.keys() == own.keys() and all(agree(given[key], own[key], slack, share) for key in own)
+    if isinstance(given, list | tuple) and isinstance(own, list | tuple):
+        return len(given) == len(own) and all(agree(*pair, slack, share) for pair in zip(given, own, strict=True))
+    if {type(given), type(own)} <= {int, float}:
+        return math.isclose(given, own, rel_tol=share, abs_tol=slack)
+    return type(given) is type(own) and bool(given == own)
 
 
 def finite(value: Any) -> Any:
@@ -150,34 +150,34 @@ def _object_schema(kind: type, known: dict[str, Any]) -> dict[str, Any]:
     return {"type": "object", "description": text, "properties": members, "required": needed}
 
 
-def _read(kind: Any, told: Any) -> Any:
+def _read(kind: Any, given: Any) -> Any:
     inner = get_args(kind)
-    if hasattr(kind, "from_dict") and isinstance(told, kind):
-        return told  # read already
+    if hasattr(kind, "from_dict") and isinstance(given, kind):
+        return given  # read already
     if get_origin(kind) is UnionType and inner[1:] == (type(None),):
-        return None if told is None else _read(inner[0], told)
+        return None if given is None else _read(inner[0], given)
     if get_origin(kind) is Mapping:
-        return {str(name): _read(inner[1], value) for name, value in told.items()}
-    if isinstance(told, str) and get_origin(kind) in (tuple, np.ndarray):
-        raise TypeError(f"{told!r} is no list")
+        return {str(name): _read(inner[1], value) for name, value in given.items()}
+    if isinstance(given, str) and get_origin(kind) in (tuple, np.ndarray):
+        raise TypeError(f"{given!r} is no list")
     if get_origin(kind) is tuple:
-        kinds = [inner[0]] * len(told) if inner[-1] is Ellipsis else inner
-        return tuple(_read(one, value) for one, value in zip(kinds, told, strict=True))
+        kinds = [inner[0]] * len(given) if inner[-1] is Ellipsis else inner
+        return tuple(_read(one, value) for one, value in zip(kinds, given, strict=True))
     if get_origin(kind) is np.ndarray:
-        array = np.array(told, dtype=get_args(inner[1])[0])  # None becomes nan
+        array = np.array(given, dtype=get_args(inner[1])[0])  # None becomes nan
         array.flags.writeable = False
         return array
     if isinstance(kind, type) and issubclass(kind, tuple):  # a named one
-        return kind(**{name: _read(one, told[name]) for name, one in get_type_hints(kind).items()})
+        return kind(**{name: _read(one, given[name]) for name, one in get_type_hints(kind).items()})
     if isinstance(kind, type) and issubclass(kind, Enum):
-        return kind[told]
-    for way in ("from_dict", "from_label"):
-        if hasattr(kind, way):
-            return getattr(kind, way)(told)
+        return kind[given]
+    for method in ("from_dict", "from_label"):
+        if hasattr(kind, method):
+            return getattr(kind, method)(given)
     if kind is float:
-        return math.nan if told is None else told if type(told) is int else float(told)
-    if kind in (int, str, bool) and not isinstance(told, kind):
-        raise TypeError(f"{told!r} is no {kind.__name__}")
-    if get_origin(kind) is Literal and told not in inner:
-        raise TypeError(f"{told!r} is none of {inner}")
-    return told
+        return math.nan if given is None else given if type(given) is int else float(given)
+    if kind in (int, str, bool) and not isinstance(given, kind):
+        raise TypeError(f"{given!r} is no {kind.__name__}")
+    if get_origin(kind) is Literal and given not in inner:
+        raise TypeError(f"{given!r} is none of {inner}")
+    return given

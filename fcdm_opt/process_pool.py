@@ -61,7 +61,7 @@ def each(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Call
                 for ready in wait(running):
                     place, process = running.pop(ready)
                     known[place] = _received(ready, process)
-            yield partial(_told, known.pop(number))
+            yield partial(_result, known.pop(number))
     finally:
         for _, process in running.values():
             process.terminate()
@@ -83,7 +83,7 @@ def both(work: Callable[[Item], Result], items: tuple[Item, Item], files: Iterab
     finally:
         process.terminate()
         process.join()
-    one, two = (_told(own) for own in outcomes[:: -1 if small == 0 else 1])
+    one, two = (_result(own) for own in outcomes[:: -1 if small == 0 else 1])
     return one, two
 
 
@@ -130,7 +130,7 @@ def _end_with_the_other() -> None:
     os._exit(1)
 
 
-def _told(outcome: Outcome) -> Any:
+def _result(outcome: Outcome) -> Any:
     done, found = outcome
     if not done:
         raise found

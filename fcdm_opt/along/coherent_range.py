@@ -32,7 +32,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
 FAR = 1e6  # sizes of the scene that a mere translation is followed
-BESIDE = 1e-7  # of the natural step: how far beyond an event the contact is looked at
+EVENT_OFFSET = 1e-7  # of the natural step: how far beyond an event the contact is looked at
 WINDOW, ABOUT = 30.0, 1e-4  # of the tracked pair's change there, and of the pair: what of the curve is looked at
 LOCAL = ("border", "neighbour", "overlap", "parallel edges")  # events at a tracked pair that there is
 
@@ -290,7 +290,7 @@ def of_bodies(problem: Problem, pair: Array) -> Problem:
 
 def _of_facets(problem: Problem, along: Array, limit: float | None) -> CoherentRange:
     """Return the range of the bodies as they are."""
-    ends = {side: reach(problem, side * along, limit) for side in (-1.0, 1.0)}
+    ends = {side: range_end(problem, side * along, limit) for side in (-1.0, 1.0)}
     nearest, clear = min(end.x for end in ends.values()), dict.fromkeys(ends, 0.0)
     while True:
         tracked, asked = followed(problem), problem
@@ -351,7 +351,7 @@ def has_contact(problem: Problem) -> bool:
 
 
 def _ended(
-    problem: Problem, march: March, followed: tuple[Followed, ...], along: Array, side: float, end: Reach
+    problem: Problem, march: March, followed: tuple[Followed, ...], along: Array, side: float, end: RangeEnd
 ) -> tuple[Event, bool]:
     """Return what ends the range on one side, and whether all of the way there is proved."""
     stop = march.stop(side, end.x)
@@ -370,7 +370,7 @@ def _ended(
 
 def _around(problem: Problem, march: March, along: Array, x: float) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:
     """Return the features that touch at x, and those of the curve about the tracked pair just beyond."""
-    before, after = x - BESIDE * march.unit, x + BESIDE * march.unit
+    before, after = x - EVENT_OFFSET * march.unit, x + EVENT_OFFSET * march.unit
     was, moved = march.rho(before), march.rho(after)
     rho = (was + moved) / 2.0  # also where edges are parallel just at x
     if not (np.isfinite(rho).all() and rho.min() > 0):
@@ -425,7 +425,7 @@ def ray_of(problem: Problem, direction: Array) -> Ray:
     return Ray.of(problem.motion, direction, problem.movable.seed, problem.static.seed)
 
 
-class Reach(NamedTuple):
+class RangeEnd(NamedTuple):
     """How far to look along a ray, and what ends it there."""
 
     x: float
@@ -433,25 +433,25 @@ class Reach(NamedTuple):
     what: str
 
 
-def reach(problem: Problem, direction: Array, limit: float | None) -> Reach:
+def range_end(problem: Problem, direction: Array, limit: float | None) -> RangeEnd:
     """Return how far to look along a ray from no motion."""
     if limit is not None and not (isinstance(limit, int | float) and limit > 0):
         raise InputError("not a limit", key="limit", found=limit, allowed="a number > 0")
-    ends = [Reach(float(limit), "limit", "as far as asked")] if limit is not None else []
+    ends = [RangeEnd(float(limit), "limit", "as far as asked")] if limit is not None else []
     for name, slope, (low, high) in zip(problem.motion.names, direction, problem.limits, strict=True):
         if not low <= 0 <= high:
             what = "ranges are about no motion, which the limits exclude"
             allowed = "limits that 0 lies within"
             raise InputError(what, key=f"limits.{name}", found=(float(low), float(high)), allowed=allowed)
         if slope != 0:
-            ends.append(Reach(float((high if slope > 0 else low) / slope), "limit", f"the limit of {name}"))
+            ends.append(RangeEnd(float((high if slope > 0 else low) / slope), "limit", f"the limit of {name}"))
     turns = np.abs(direction[problem.motion.turning])
     if turns.any():
         moving = [step for step, x in zip(problem.motion.owners, direction, strict=True) if x != 0]
         closed = len(moving) == 1 and moving[0].closed
         kind = "whole turn" if closed else "search"
-        ends.append(Reach(2.0 * math.pi / float(turns.max()), kind, "after a whole turn"))
+        ends.append(RangeEnd(2.0 * math.pi / float(turns.max()), kind, "after a whole turn"))
     elif limit is None:
         extent = problem.size + float(np.linalg.norm(problem.static.seed - problem.movable.seed))
-        ends.append(Reach(FAR * extent / float(np.abs(direction).max()), "unbounded", ""))
+        ends.append(RangeEnd(FAR * extent / float(np.abs(direction).max()), "unbounded", ""))
     return min(ends, key=lambda end: end.x)

@@ -31,7 +31,7 @@ TURNED, FIXED, CROSSED = 0.0, 1.0, 2.0  # normal of a tracked feature: of a face
 # forms of a condition: y along a direction fixed, turned with body 1, or the cross product of either with normal k, one
 # of two edges; y along normal k; a point of body 1 or 2 along normal k; the determinant; det rho_1, det rho_2; the
 # normal's square
-ALONG, ALONG_TURNED, BESIDE, BESIDE_TURNED, NORMAL, OWN, OTHER, DETERMINANT, SCALE_1, SCALE_2, STEEP = range(11)
+ALONG, ALONG_TURNED, ACROSS, ACROSS_TURNED, NORMAL, OWN, OTHER, DETERMINANT, SCALE_1, SCALE_2, STEEP = range(11)
 BITS, NEAR = 192, 1e-15  # of extended precision; how near a root is looked for, relative to it
 VERIFIED = 1e-13  # relative: how far from a root its sign is told for certain
 LOOKS = (1e-6, 1e-4, 1e-2, 0.1, 0.3, 0.5, 0.7, 1.0)  # shares of a stretch, where a root may be hidden by rounding
@@ -79,8 +79,8 @@ _STARTS = [*accumulate(_WIDTHS[:-1], initial=0)]
 _BLOCKS = {
     ALONG: lambda v, w, m: {"DET d": m, "NUM2": _dot(m, w), "NUM1 R": -_outer(m, v)},
     ALONG_TURNED: lambda v, w, m: {"DET e": m, "NUM2 R": _outer(w, m), "NUM1": -_dot(m, v)},
-    BESIDE: lambda v, w, m: {"DET nxd": m, "NUM2 n": _cross(w, m), "NUM1 nxR": -_outer(m, v)},
-    BESIDE_TURNED: lambda v, w, m: {"DET hxe": m, "NUM2 hxR'": _outer(m, w), "NUM1 h": -_cross(v, m)},
+    ACROSS: lambda v, w, m: {"DET nxd": m, "NUM2 n": _cross(w, m), "NUM1 nxR": -_outer(m, v)},
+    ACROSS_TURNED: lambda v, w, m: {"DET hxe": m, "NUM2 hxR'": _outer(m, w), "NUM1 h": -_cross(v, m)},
     NORMAL: lambda v, w, m: {"DET n.d": 1.0, "NUM2 n": w, "NUM1 h": -v},
     OWN: lambda v, w, m: {"h": v},
     OTHER: lambda v, w, m: {"n": w},
@@ -132,7 +132,7 @@ class Conditions(NamedTuple):
         coefficients = np.zeros((count, SHARED + 2 * EACH))
         coefficients[:, : known.shape[1]] = known
         sizes = np.abs(coefficients)
-        if form not in (BESIDE, BESIDE_TURNED):  # with the cross product of parallel edges rounding vanishes, too
+        if form not in (ACROSS, ACROSS_TURNED):  # with the cross product of parallel edges rounding vanishes, too
             sizes = np.repeat(np.sqrt(np.add.reduceat(coefficients**2, _STARTS, axis=1)), _WIDTHS, axis=1)
         return cls(np.tile(np.array([form, k], dtype=np.int64), (count, 1)), rows, coefficients, sizes)
 

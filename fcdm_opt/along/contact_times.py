@@ -22,8 +22,8 @@ from fcdm_opt.along.coherent_range import (
     motion_of,
     needed_question,
     of_bodies,
+    range_end,
     ray_of,
-    reach,
 )
 from fcdm_opt.along.conditions import Conditions, RayStretch, TrackedPair
 from fcdm_opt.along.expansions import ROUNDING, safe_steps
@@ -255,7 +255,7 @@ def _ends_of(each: Sequence[ContactTimes], limit: float | None) -> tuple[float, 
         looked, known = [abs(own.searched[k]) for own in each], list[float]()
         for x, own in zip(looked, each, strict=True):
             asked, along = cast("Problem", own.problem), side * own.direction
-            if reach(asked, along, limit).kind != "unbounded" or x < apart_beyond(asked, along, own.pair):
+            if range_end(asked, along, limit).kind != "unbounded" or x < apart_beyond(asked, along, own.pair):
                 known.append(x)
         ends[k] = side * min(known or [max(filter(math.isfinite, looked), default=0.0)])
     return ends[0], ends[1]
@@ -566,7 +566,7 @@ class _OneWay:
 
 def _span_of(problem: Problem, along: Array, pair: Array, limit: float | None, clearance: float = 0.0) -> float:
     """Return how far to look: half of what repeats itself, no further than bodies can be nearer than a clearance."""
-    end = reach(problem, along, limit)
+    end = range_end(problem, along, limit)
     if end.kind != "unbounded":
         return end.x / 2.0 if end.kind == "whole turn" else end.x
     return apart_beyond(problem, along, pair, clearance)

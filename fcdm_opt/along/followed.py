@@ -26,7 +26,7 @@ from fcdm_opt.curve.true_sizes import contacts_as_drawn
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import ConvexPart
-from fcdm_opt.model.seats import seat_of
+from fcdm_opt.model.seats import flush_of
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
 
@@ -103,7 +103,7 @@ def followed(problem: Problem) -> tuple[Followed, ...]:
     Raises `InputError` where the parts do not touch at the nominal pair.
     """
     if joints := followed_joints(problem):
-        return _together(problem, joints)
+        return _jointly_followed(problem, joints)
     contact = problem.nominal_contact
     if contact is None:
         what = TOUCH_BETWEEN if touch_on_true_faces(problem) else NO_CONTACT
@@ -128,15 +128,15 @@ def touch_on_true_faces(problem: Problem) -> bool:
     return bool(contacts_as_drawn(facets.movable, facets.static, facets.nominal_pair, facets.contact_slack))
 
 
-def _together(problem: Problem, joints: Sequence[Joint]) -> tuple[Followed, ...]:
+def _jointly_followed(problem: Problem, joints: Sequence[Joint]) -> tuple[Followed, ...]:
     """Return all contacts that are followed together, those first whose lines give the scale pair: one, or two."""
     # of the others, and of further lines that corners and edges have, the gap must stay 0 at that pair; so must all,
     # at the pair as given, where both seeds lie in every plane of contact: no scale changes what touches there
     seats, found = problem.nominal_seats, list[tuple[Feature, bool, Parts, Flush | None, Site, Array]]()
     for joint in joints:
-        own = [seat for seat in seats if joint.feature in (seat.feature, seat.touching)]
+        own = [flush for flush in seats if joint.feature in (flush.feature, flush.touching)]
         if own:
-            found += [(joint.feature, True, seat.parts, seat, seat.site, seat.normal) for seat in own]
+            found += [(joint.feature, True, flush.parts, flush, flush.site, flush.normal) for flush in own]
         else:
             every = zip(joint.sites.tolist(), joint.normals, strict=True)
             found += [(joint.feature, False, joint.parts, None, tuple(there), normal) for there, normal in every]
@@ -148,17 +148,17 @@ def _together(problem: Problem, joints: Sequence[Joint]) -> tuple[Followed, ...]
         tracked += [int(across.argmax())] if across.max() > DEFAULT.nominal else []
     made = []
     for k, n in enumerate([*tracked, *(n for n in range(len(found)) if n not in tracked)]):
-        feature, flush, parts, seat, site, normal = found[n]
+        feature, is_flush, parts, flush, site, normal = found[n]
         if k >= len(tracked) and site[0] == E1E2:
             what = "a range follows edges that cross where they give the scale pair, and these do not"
             raise InputError(what, key="contacts", found=feature.label, allowed="two contacts of edges at most")
         place = k if k < len(tracked) else UNTRACKED + k
-        if seat is not None:
-            rests = _flush_rests(problem, seat, place)
+        if flush is not None:
+            rests = _flush_rests(problem, flush, place)
         else:
             sites = [(parts, site), *(own for own in _sites(problem, feature, site[0]) if own != (parts, site))]
             rests = [_rest(problem, own, there, normal, place) for own, there in sites]
-        made.append(Followed(feature, flush, tuple(rests)))
+        made.append(Followed(feature, is_flush, tuple(rests)))
     return tuple(made)
 
 
@@ -176,12 +176,12 @@ def _is_flush(piece: Piece) -> bool:
 
 
 def _followed(problem: Problem, piece: Piece, seats: Sequence[Flush], k: int) -> Followed:
-    pair, aligned = problem.nominal_pair, [seat for seat in seats if seat.normal @ piece.normal > 1.0 - DEFAULT.nominal]
-    here = [seat_of(piece, seats), *(seat for seat in aligned if abs(seat.gap(pair)) <= DEFAULT.shared * seat.least)]
-    known = [seat for seat in here if seat is not None] if _is_flush(piece) else []
+    pair, aligned = problem.nominal_pair, [each for each in seats if each.normal @ piece.normal > 1.0 - DEFAULT.nominal]
+    here = [flush_of(piece, seats), *(each for each in aligned if abs(each.gap(pair)) <= DEFAULT.shared * each.least)]
+    known = [each for each in here if each is not None] if _is_flush(piece) else []
     if known:
-        seat = max(known, key=lambda seat: seat.dimension)  # the face, not an edge of one of its facets
-        return Followed(seat.touching, True, tuple(_flush_rests(problem, seat, k)))
+        flush = max(known, key=lambda each: each.dimension)  # the face, not an edge of one of its facets
+        return Followed(flush.touching, True, tuple(_flush_rests(problem, flush, k)))
     feature = piece.feature
     sites = [(piece.parts, piece.site)]
     sites += [other for other in _sites(problem, feature, piece.site[0]) if other != sites[0]]
@@ -228,10 +228,10 @@ def _point_conditions(one: ConvexPart, two: ConvexPart, site: Site, normal: Arra
     e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
     sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
     for v, ahead in ((a, sign), (b, -sign)):
-        ends = Conditions.of(forms.BESIDE, k, v=X[v], w=Y[c], m=f, sign=ahead)
+        ends = Conditions.of(forms.ACROSS, k, v=X[v], w=Y[c], m=f, sign=ahead)
         made.append((ends, _border(one, 1, (v,), k, f"{REACHES} vertex")))
     for w, ahead in ((c, sign), (d, -sign)):
-        ends = Conditions.of(forms.BESIDE_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
+        ends = Conditions.of(forms.ACROSS_TURNED, k, v=X[a], w=Y[w], m=e, sign=ahead)
         made.append((ends, _border(two, 2, (w,), k, f"{REACHES} vertex")))
     return line, made
 
@@ -280,8 +280,8 @@ def _supported(
         e, f = _unit(X[b] - X[a]), _unit(Y[d] - Y[c])
         sign = 1.0 if np.cross(e, f) @ normal > 0 else -1.0
         line = np.concatenate([[CROSSED], e, sign * f, X[a], Y[c]])
-    own = _neighbours(one, i) if kind == V1F2 else _beside(one, i) if kind == E1E2 else []
-    other = _neighbours(two, j) if kind == F1V2 else _beside(two, j) if kind == E1E2 else []
+    own = _neighbours(one, i) if kind == V1F2 else _vertices_off_edge(one, i) if kind == E1E2 else []
+    other = _neighbours(two, j) if kind == F1V2 else _vertices_off_edge(two, j) if kind == E1E2 else []
     for v, base in own:
         made.append((Conditions.of(forms.OWN, k, v=X[v] - X[base], sign=-1.0), _neighbour(one, 1, v, k)))
     for w, base in other:
@@ -303,10 +303,10 @@ def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: C
     """Return the conditions of elements that lie in one plane: aligned, and no direction in the plane parts them."""
     X, Y = one.vertices - one.seed, two.vertices - two.seed
     n, own, other, parallel = flush.normal, contact.one, contact.two, contact.parallel
-    faces = [int(np.argmax(part.normals @ way)) for part, way in ((one, n), (two, -n))]
+    faces = [int(np.argmax(part.normals @ direction)) for part, direction in ((one, n), (two, -n))]
     has = [
-        bool(part.normals[face] @ way > 1.0 - DEFAULT.nominal)
-        for part, face, way in zip((one, two), faces, (n, -n), strict=True)
+        bool(part.normals[face] @ direction > 1.0 - DEFAULT.nominal)
+        for part, face, direction in zip((one, two), faces, (n, -n), strict=True)
     ]
     site = (V1F2, own[0], faces[1]) if has[1] else (F1V2, faces[0], other[0])
     line, made = _supported(one, two, site, n, k)
@@ -321,8 +321,8 @@ def _flush_conditions(one: ConvexPart, two: ConvexPart, flush: Flush, contact: C
             made.append((aligned, Cause("opens", k % UNTRACKED, OPENS)))
     if parallel:  # each edge stays on the other
         across = _unit(np.cross(n, Y[other[1]] - Y[other[0]]))
-        beside = Conditions.of(forms.ALONG, k if k < UNTRACKED else 0, v=X[own[0]], w=Y[other[0]], m=across)
-        made.append((beside, Cause("opens", k % UNTRACKED, OPENS)))
+        on_edge = Conditions.of(forms.ALONG, k if k < UNTRACKED else 0, v=X[own[0]], w=Y[other[0]], m=across)
+        made.append((on_edge, Cause("opens", k % UNTRACKED, OPENS)))
     mine, theirs = X[list(own)], Y[list(other)]
     made += _within(one, 1, own, outward_directions(mine, n, parallel), theirs, k, NOT_SHARED)
     made += _within(two, 2, other, outward_directions(theirs, n, parallel), mine, k, NOT_SHARED)
@@ -335,7 +335,7 @@ def _neighbours(part: ConvexPart, vertex: int) -> list[tuple[int, int]]:
     return [(int(v), vertex) for v in half[half[half[:, 0] == vertex, 2], 0]]
 
 
-def _beside(part: ConvexPart, edge: int) -> list[tuple[int, int]]:
+def _vertices_off_edge(part: ConvexPart, edge: int) -> list[tuple[int, int]]:
     """Return a vertex of either face of an edge that is off it, each with a vertex of the edge."""
     half, found = part.half_edges, []
     for h in (2 * edge, 2 * edge + 1):

@@ -122,7 +122,7 @@ class Holding:
     def _aligned(self) -> Iterator[Rate]:
         """Yield what keeps flush contacts aligned: on the whole way no tilt to first order, else at its end."""
         task = self.task
-        turns = [turn for seat in task.seats for turn in seat.turns]
+        turns = [turn for flush in task.seats for turn in flush.turns]
         rows = tilts(task.seats, task.spins)
         if not task.coherent:
             rows = np.array([[m @ rate[:3, :3] @ p for rate in self.end.by_motion] for m, p in turns])
@@ -182,7 +182,7 @@ class Holding:
     def _line(self, scene: MovedScene, feature: FeaturePoints, normal: Array, rho: Array) -> Rate:
         """Return the rate of a tracked feature's separation; a flush one is carried by the whole of its elements."""
         task, place = self.task, (feature.site, feature.parts)
-        whole = next((seat.feature for seat in task.seats if (seat.site, seat.parts) == place), None)
+        whole = next((flush.feature for flush in task.seats if (flush.site, flush.parts) == place), None)
         if feature in task.tracked and task.flush:
             whole = task.flush[task.tracked.index(feature)]
         joint = next((own for own in task.joints if own.parts == feature.parts), None)
@@ -216,16 +216,16 @@ class Holding:
             terms.append(Term(body, drawn, element, weight, float(rho[body]), whole is not None))
         return scene.rate(name, terms)
 
-    def _terms(self, parts: Parts, way: Facing, corner: Array) -> list[Term]:
+    def _terms(self, parts: Parts, facing: Facing, corner: Array) -> list[Term]:
         """Return what meets in a corner of a contact of the target pair, or with a keep-out."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
-        place = corner + obstacle.part.seed - task.static.seed - way.gap * way.normal  # of body 1's point
-        flush = len(way.corners) > 1
-        feature, scale = way.contact.feature, float(task.target[0])
-        first = Term(MOVABLE, self.end.drawn(MOVABLE, place, scale), feature.one, -way.normal, scale, flush)
+        place = corner + obstacle.part.seed - task.static.seed - facing.gap * facing.normal  # of body 1's point
+        flush = len(facing.corners) > 1
+        feature, scale = facing.contact.feature, float(task.target[0])
+        first = Term(MOVABLE, self.end.drawn(MOVABLE, place, scale), feature.one, -facing.normal, scale, flush)
         body = KEPT_OUT + obstacle.keep_out if obstacle.keep_out >= 0 else STATIC
         point = obstacle.part.seed + corner / obstacle.scale
-        second = Term(body, point, feature.two, way.normal, obstacle.scale, flush)
+        second = Term(body, point, feature.two, facing.normal, obstacle.scale, flush)
         return [first, *(self._swept(second, parts[1]) if body >= KEPT_OUT else [second])]
 
     def _swept(self, term: Term, place: int) -> list[Term]:
@@ -260,14 +260,14 @@ class Holding:
 
     def _pair_states(self) -> list[Alternatives]:
         """Return what keeps pairs apart, and the pair that must touch."""
-        task, ways = self.task, self._near_pairs()
-        apart = {parts: [self._apart(parts, way) for way in found] for parts, found in ways.items()}
-        touching = [parts for parts in ways if task.obstacles[parts[1]].keep_out < 0] if self.closes else []
+        task, facings = self.task, self._near_pairs()
+        apart = {parts: [self._apart(parts, facing) for facing in found] for parts, found in facings.items()}
+        touching = [parts for parts in facings if task.obstacles[parts[1]].keep_out < 0] if self.closes else []
         groups = [own for parts, own in apart.items() if parts not in touching]
         closings: Alternatives = []
         for parts in touching:
             others = [apart[other] for other in touching if other != parts]
-            for chosen in product(self._closing(parts, ways[parts]), *others):
+            for chosen in product(self._closing(parts, facings[parts]), *others):
                 closings.append(tuple(rate for rates in chosen for rate in rates))
         return [*groups, closings] if closings else groups
 
@@ -303,17 +303,17 @@ class Holding:
 
     def _near_pairs(self, *, every: bool = False) -> dict[Parts, list[Facing]]:
         """Return the directions in which part pairs are just as far apart as they must be; `every`: of joints too."""
-        ways = {parts: self._ways(parts, every=every) for parts in self.pairs_reached(every=every)}
+        facings = {parts: self._facings(parts, every=every) for parts in self.pairs_reached(every=every)}
         known = dict[Any, tuple[Parts, list[Facing]]]()  # on a seam of a face pairs meet by the same elements
-        for parts, found in self._on_round_faces({parts: found for parts, found in ways.items() if found}).items():
-            own = frozenset((way.contact.feature, *(np.round(way.normal, DECIMALS) + 0.0).tolist()) for way in found)
+        for parts, found in self._on_round_faces({parts: found for parts, found in facings.items() if found}).items():
+            own = frozenset((each.contact.feature, *(np.round(each.normal, DECIMALS) + 0.0).tolist()) for each in found)
             known.setdefault((self.task.obstacles[parts[1]].keep_out, own), (parts, found))
         return dict(known.values())
 
     def pairs_reached(self, *, every: bool = False) -> list[Parts]:
         """Return the part pairs that are no farther apart than they must be; `every`: of joints too."""
         near = self.task.pair_gaps(self.q) - self.task.needs <= self.slack
-        return [(i, j) for i, j in np.argwhere(near if every else self.task.beside_joints(near)).tolist()]
+        return [(i, j) for i, j in np.argwhere(near if every else self.task.without_joints(near)).tolist()]
 
     def facets_reached(self, parts: Parts, *, every: bool = False) -> tuple[Ints, Array, float]:
         """Return the sites and normals, (m, 3), of the facets along which a pair is farthest apart, and how far.
@@ -363,16 +363,16 @@ class Holding:
                 pairs = {parts: found for parts, found in pairs.items() if parts not in own} | {best: [facing]}
         return pairs
 
-    def _met(self, parts: Parts, way: Facing, slack: float) -> Contact:
+    def _met(self, parts: Parts, facing: Facing, slack: float) -> Contact:
         """Return what of a part pair meets where it is just as far apart as it must be, to within `slack`."""
         obstacle, pose = self.task.obstacles[parts[1]], self._pose_to(parts)
         one, two, rho = self._placed(parts)
         if obstacle.need > self.slack:  # nothing touches: what is nearest would, moved along the normal
-            pose = np.append(pose[:9], pose[9:] - way.gap * way.normal)
-            return located(one, two, pose, supporting_contact(one, two, way.normal, pose, slack), rho)
-        return located(one, two, pose, contact_at(one, two, way.normal, pose, rho, slack), rho)
+            pose = np.append(pose[:9], pose[9:] - facing.gap * facing.normal)
+            return located(one, two, pose, supporting_contact(one, two, facing.normal, pose, slack), rho)
+        return located(one, two, pose, contact_at(one, two, facing.normal, pose, rho, slack), rho)
 
-    def _ways(self, parts: Parts, *, every: bool) -> list[Facing]:
+    def _facings(self, parts: Parts, *, every: bool) -> list[Facing]:
         """Return the directions in which a part pair is just as far apart as it must be."""
         task, obstacle = self.task, self.task.obstacles[parts[1]]
         (one, two, rho), pose = self._placed(parts), self._pose_to(parts)
@@ -380,41 +380,42 @@ class Holding:
         if not len(sites):
             return []
         if obstacle.need > 0 and widest > 0:
-            normals = [task.way_between(parts, self.q)]
+            normals = [task.direction_between(parts, self.q)]
             normals[0] /= np.linalg.norm(normals[0])
             gap = kernels.separation(*one.packed, *two.packed, pose, rho, normals[0])
         else:
             normals, gap = [*directions[distinct(directions)]], widest
         if abs(gap - max(obstacle.need, 0.0)) > self.slack:
             return []
-        ways = []
+        facings = []
         for normal in normals:
             shifted = np.append(pose[:9], pose[9:] - gap * normal)
             contact = located(one, two, shifted, supporting_contact(one, two, normal, shifted, DEFAULT.active), rho)
-            ways.append(Facing(normal, contact, contact_set(one, two, shifted, contact, rho)[:MOST_CORNERS], gap))
-        return ways
+            facings.append(Facing(normal, contact, contact_set(one, two, shifted, contact, rho)[:MOST_CORNERS], gap))
+        return facings
 
-    def _apart(self, parts: Parts, way: Facing) -> Constraints:
+    def _apart(self, parts: Parts, facing: Facing) -> Constraints:
         """Return what keeps a pair apart in a direction: in every corner of what it shares there."""
         task, keep_out = self.task, self.task.obstacles[parts[1]].keep_out
         rates = [
-            self.end.rate(f"{task.named(parts)} stays apart", self._terms(parts, way, corner)) for corner in way.corners
+            self.end.rate(f"{task.named(parts)} stays apart", self._terms(parts, facing, corner))
+            for corner in facing.corners
         ]
         for rate in rates:
             rate.data[self.layout.target] += rate.scales * [1.0, keep_out < 0]
             rate.data[self.layout.clearances][keep_out + 1] -= float(keep_out >= 0 or not task.must_touch)
         return tuple(replace(rate, scales=np.zeros(2), free=task.restored and keep_out < 0) for rate in rates)
 
-    def _closing(self, parts: Parts, ways: list[Facing]) -> Alternatives:
+    def _closing(self, parts: Parts, facings: list[Facing]) -> Alternatives:
         """Return what brings a pair together: in one corner of what it shares, in no direction apart."""
         name = f"{self.task.named(parts)} closes"
-        if len(ways) == 1:
-            apart = self._apart(parts, ways[0])
+        if len(facings) == 1:
+            apart = self._apart(parts, facings[0])
             if len(apart) == 1:
                 return [(replace(apart[0], name=name, free=True),)]
             return [apart, *((replace(rate.times(-1.0), name=name),) for rate in apart)]
         (one, two, rho), pose = self._placed(parts), self._pose_to(parts)
-        contact = self._met(parts, ways[0], DEFAULT.active)
+        contact = self._met(parts, facings[0], DEFAULT.active)
         corners = contact_set(one, two, pose, contact, rho)[:MOST_CORNERS]
         spread = np.zeros(self.layout.size, dtype=bool)
         if len(corners) > 1:  # elements share more than a point: moving a vertex would part them
@@ -422,10 +423,10 @@ class Holding:
                 spread[self.layout.vertices(body)].reshape(-1, 3)[np.array(element.vertices) - 1] = True
         closings: Alternatives = []
         for corner in corners:
-            single = [self._apart(parts, Facing(way.normal, contact, corner[None], way.gap))[0] for way in ways]
+            single = [self._apart(parts, Facing(each.normal, contact, corner[None], each.gap))[0] for each in facings]
             rates = (rate.times(-1.0) for rate in single)
             closings.append(tuple(replace(rate, name=name, broken=rate.broken | spread) for rate in rates))
-        return [*closings, *(self._apart(parts, way) for way in ways)]
+        return [*closings, *(self._apart(parts, facing) for facing in facings)]
 
     # ----------------------------------------------------------------------------------------------------- coherence
 
@@ -459,16 +460,16 @@ class Holding:
         scene = self.end if s == 1.0 else MovedScene.at(task, self.layout, self.q, s)
         lines, pair = self._lines(scene, tracked, rho)
 
-        def on_the_way(rate: Rate) -> Rate:
+        def along_motion(rate: Rate) -> Rate:
             return rate.along(pair, lines) if len(lines) == 2 else replace(self._at_target(rate), free=False)
 
         groups: list[Alternatives] = []
         for parts, tight, side in found:
             name = f"{task.named(parts)} stays {'apart' if side > 0 else 'in contact'} on the way"
             rates = (self._site(scene, name, parts, site, normal, rho).times(side) for site, normal in tight)
-            groups.append([(on_the_way(rate),) for rate in rates])
+            groups.append([(along_motion(rate),) for rate in rates])
         for feature, here, body, vertex in level:
-            groups.append([(on_the_way(self._behind(scene, feature, here, body, vertex, rho)),)])
+            groups.append([(along_motion(self._behind(scene, feature, here, body, vertex, rho)),)])
         return groups
 
     def _level(self, here: Tracked, pose: Array, rho: Array) -> Iterator[tuple[int, int]]:

@@ -111,7 +111,7 @@ class March:
         signless = TrackedPair(lines, np.array(self._pair), 1.0)
         value = self._ray.stretch(0.0, 0.0, signless).expanded(determinant)[0, 0]
         tracked = signless._replace(sign=1.0 if value > 0 else -1.0)
-        others = self._all.beside(tracked, {rest.parts for rest in rests})
+        others = self._all.without(tracked, {rest.parts for rest in rests})
         groups = [
             (determinant, Cause("parallel lines", -1, KINDS["parallel lines"])),
             (Conditions.of(forms.SCALE_1), Cause("scale", -1, "the scale of body 1 becomes zero")),
@@ -119,12 +119,12 @@ class March:
             *(group for rest in rests for group in rest.groups),
         ]
         made, causes = [own for own, _ in groups], [cause for _, cause in groups]
-        together, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
-        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(together))
+        joined, numbers = Conditions.joined(made), np.repeat(np.arange(len(made)), [len(c.rows) for c in made])
+        tied = is_tied(self._ray.stretch(0.0, 0.0, tracked).expanded(joined))
         always = tied.copy()
-        always[always] = others.vanishing(together.chosen(always))
-        left = ~np.isin(numbers, numbers[always])  # one of a group is enough
-        return tracked, others, causes, together.chosen(left), numbers[left], tied[left]
+        always[always] = others.vanishing(joined.chosen(always))
+        kept = ~np.isin(numbers, numbers[always])  # one of a group is enough
+        return tracked, others, causes, joined.chosen(kept), numbers[kept], tied[kept]
 
     def _stretch(self, x: float, span: float = 0.0) -> RayStretch:
         return self._ray.stretch(x, span, self._tracked)
@@ -301,7 +301,7 @@ class Others:
         self._points = [np.concatenate([part.vertices for part in body.parts]) - body.seed for body in self._bodies]
         self._planes: list[tuple[Conditions, Conditions]] = []
 
-    def beside(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
+    def without(self, pair: TrackedPair, parts: set[tuple[int, int]]) -> Others:
         """Return those without the part pairs that are tracked, which give the scale pair."""
         made = copy(self)
         made._tracked = parts
@@ -331,9 +331,9 @@ class Others:
         if len(self._tracked) == len(self.pairs) or step <= 0:
             return best
         rho, (v, w, radii) = at.rho, self._spheres
-        ways = at.d[0] + rho[1] * w - rho[0] * v @ at.R[0].T
-        ways /= np.maximum(np.linalg.norm(ways, axis=1), np.finfo(float).tiny)[:, None]
-        steps = safe_steps(at.expanded(Conditions.of(forms.ALONG, v=v, w=w, m=ways, radii=radii)), at.span)
+        directions = at.d[0] + rho[1] * w - rho[0] * v @ at.R[0].T
+        directions /= np.maximum(np.linalg.norm(directions, axis=1), np.finfo(float).tiny)[:, None]
+        steps = safe_steps(at.expanded(Conditions.of(forms.ALONG, v=v, w=w, m=directions, radii=radii)), at.span)
         if steps.min() >= best.step:
             return best
         steps = np.maximum(np.maximum(steps, self._in_planes(at)), known.apart_to - at.x)
@@ -370,23 +370,23 @@ class Others:
 
     def _pair_bound(self, parts: tuple[int, int], at: RayStretch) -> tuple[PairBound, Conditions]:
         """Return the furthest that one of the directions proves which separate a part pair best at x, and that one."""
-        ways = self._ways(parts, at)
-        conditions = Conditions.joined(ways)
+        options = self._separating_conditions(parts, at)
+        conditions = Conditions.joined(options)
         expanded = at.expanded(conditions)
         tied = is_tied(expanded)
         if tied.any():
             tied[tied] = self.vanishing(conditions.chosen(tied))
         steps = np.where(tied, np.inf, safe_steps(expanded, at.span))
-        best, furthest, start = PairBound(-1.0), ways[0], 0
-        for way in ways:
-            worst = start + int(np.argmin(steps[start : start + len(way.rows)]))
-            start += len(way.rows)
+        best, furthest, start = PairBound(-1.0), options[0], 0
+        for option in options:
+            worst = start + int(np.argmin(steps[start : start + len(option.rows)]))
+            start += len(option.rows)
             if min(steps[worst], at.span) > best.step:
                 ends = (None, None) if tied[worst] else (expanded[worst], conditions.chosen([worst]))
-                best, furthest = PairBound(float(min(steps[worst], at.span)), parts, *ends), way
+                best, furthest = PairBound(float(min(steps[worst], at.span)), parts, *ends), option
         return best, furthest
 
-    def _ways(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:
+    def _separating_conditions(self, parts: tuple[int, int], at: RayStretch) -> list[Conditions]:
         """Return the conditions that a part pair is apart along the directions that separate it best at x.
 
         A direction of a face turns with it; that of two edges is held, as it is the best one there to first order. A
@@ -396,19 +396,19 @@ class Others:
         X, Y = one.vertices - one.seed, two.vertices - two.seed
         sites, rows = kernels.facet_rows(*one.packed, *two.packed, np.concatenate([at.R[0].ravel(), at.d[0]]))
         separations = rows[:, 5] - rows[:, 3:5] @ at.rho
-        best, ways = float(separations.max()), []
+        best, options = float(separations.max()), []
         for k in np.flatnonzero(separations >= best - self._tie)[:TIED]:
             (kind, i, j), n = sites[k].tolist(), rows[k, :3]
             if kind == kernels.F1V2:
-                ways.append(Conditions.of(forms.ALONG_TURNED, v=X[one.loops[i][0]], w=Y, m=one.normals[i]))
+                options.append(Conditions.of(forms.ALONG_TURNED, v=X[one.loops[i][0]], w=Y, m=one.normals[i]))
             elif kind == kernels.V1F2:
-                ways.append(Conditions.of(forms.ALONG, v=X, w=Y[two.loops[j][0]], m=-two.normals[j]))
+                options.append(Conditions.of(forms.ALONG, v=X, w=Y[two.loops[j][0]], m=-two.normals[j]))
             else:
-                ways.append(Conditions.of(forms.ALONG, v=X, w=Y[np.argmin(Y @ n)], m=n))
+                options.append(Conditions.of(forms.ALONG, v=X, w=Y[np.argmin(Y @ n)], m=n))
         if best <= self._tie:
             v, w = np.repeat(X, len(Y), axis=0), np.tile(Y, (len(X), 1))
-            ways += [Conditions.of(forms.NORMAL, k, v=v, w=w) for k in range(len(at.tracked.lines))]
-        return ways
+            options += [Conditions.of(forms.NORMAL, k, v=v, w=w) for k in range(len(at.tracked.lines))]
+        return options
 
 
 def _balls(body: Body) -> tuple[Array, Array]:

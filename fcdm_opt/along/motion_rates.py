@@ -91,7 +91,7 @@ class _Constraint(NamedTuple):
     features: tuple[FeaturePoints, ...]
     keep_out: bool = False  # the features are of body 1 and a keep-out, which stays as it is drawn
     free: bool = False  # pushes both ways
-    alone: Any = None  # a pair of parts, or a contact of true faces, of whose constraints one is to hold
+    choice: Any = None  # a pair of parts, or a contact of true faces, of whose constraints one is to hold
     round: bool = False  # of true faces, with how body 1 turns among its data
 
 
@@ -134,7 +134,7 @@ def motion_rates(
     else:  # where constraints alone say what the motion is
         multipliers, holds = np.zeros(len(held)), slopes.any(axis=1)
     used, count = np.flatnonzero(holds), int(holds.sum())
-    pairs = [held[j].alone for j in used if held[j].alone is not None]
+    pairs = [held[j].choice for j in used if held[j].choice is not None]
     if not count or len(pairs) > len(set(pairs)) or (count < len(q) and not (task.weighted or given)):
         return unknown
     bend = both[:, :-1] - sum(m * own.bend for m, own in zip(multipliers, held, strict=True) if m)
@@ -156,9 +156,9 @@ def motion_rates(
         elif sure:
             pulls = [m * own.mixed @ move for m, own, move in zip(multipliers, held, moves, strict=True) if m]
             dq = np.linalg.solve(system, np.append(sum(pulls, np.zeros(len(q))), -off[used]))[: len(q)]
-            left = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
+            others = np.delete(slopes @ dq + off, used)  # those at rest there must stay so, else one side is another's
             near = DEFAULT.stationary * (1.0 + float(np.abs(off).max(initial=0.0)))
-            dq, why = (dq, "") if np.abs(left).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
+            dq, why = (dq, "") if np.abs(others).max(initial=0.0) <= near else (none, OTHER_CONTACTS)
         motions.append(dq)
         reasons.append(why)
         amounts.append(-_alike(held, slopes / weights, off, used, multipliers) / unit)
@@ -229,12 +229,12 @@ def _constraints(holding: Holding, *, limits: bool = True) -> Iterator[_Constrai
 def _aligned(task: Task, q: Array) -> Iterator[_Constraint]:
     """Yield what keeps faces and edges flush that are restored together: all corners are as far off as their line."""
     rotation = task.pose(q)[:9].reshape(3, 3)
-    for seat in task.seats:
-        joint = next(own for own in task.joints if own.feature in (seat.feature, seat.touching))
-        there = tuple(joint.sites[np.argmax(joint.normals @ seat.normal)].tolist())
+    for flush in task.seats:
+        joint = next(own for own in task.joints if own.feature in (flush.feature, flush.touching))
+        there = tuple(joint.sites[np.argmax(joint.normals @ flush.normal)].tolist())
         line = next(line for line in task.untracked if (line.parts, line.site) == (joint.parts, there))
-        for site in _level(seat.site, seat.contact):
-            own = feature_points(task.movable, task.static, site, seat.parts, seat.normal, rotation)
+        for site in _level(flush.site, flush.contact):
+            own = feature_points(task.movable, task.static, site, flush.parts, flush.normal, rotation)
             yield _constraint(task, q, (own, line), 1.0, row=-1, free=True)
 
 
@@ -279,7 +279,7 @@ def _pairs(holding: Holding) -> Iterator[_Constraint | None]:
                 seen.add(known)
                 made = _constraint(
                     task, q, (feature,), -1.0 if closing else 1.0, at=(other.seed, scales),
-                    keep_out=other is not task.static, alone=parts if closing else None,
+                    keep_out=other is not task.static, choice=parts if closing else None,
                 )  # fmt: skip
                 if closing or np.abs(made.slope).max() > DEFAULT.tie:  # else no motion brings the two nearer
                     yield made
@@ -318,7 +318,7 @@ def _round(
     bend, mixed = np.split(np.hstack([flat.bend, flat.mixed, np.zeros((count, 3))]) + second[:count], [count], axis=1)
     points = (replace(flat.features[0], points=np.column_stack([point, foot, foot, foot])),)  # go with the faces
     yield _Constraint(
-        sign * flat.slope, sign * bend, sign * np.append(flat.by_data, none), sign * mixed, points, alone=number,
+        sign * flat.slope, sign * bend, sign * np.append(flat.by_data, none), sign * mixed, points, choice=number,
         round=True,
     )  # fmt: skip
     zeros = np.zeros(count), np.zeros((count, count)), np.zeros_like(mixed)

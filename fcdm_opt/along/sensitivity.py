@@ -146,18 +146,18 @@ def _pieces(holding: Holding) -> list[Rate]:
 def _balances(task: Task, pieces: Sequence[Rate], groups: Sequence[Sequence[tuple[Rate, ...]]]) -> list[_Balance]:
     """Return the balance for each choice of alternatives."""
     alike = list({id(rate): rate for group in groups for rates in group for rate in rates}.values())
-    told = np.any([(rate.data != 0.0) | rate.broken for rate in (*pieces, *alike)], axis=0)  # few of a large body's
-    short = {id(rate): replace(rate, data=rate.data[told], broken=rate.broken[told]) for rate in (*pieces, *alike)}
+    used = np.any([(rate.data != 0.0) | rate.broken for rate in (*pieces, *alike)], axis=0)  # few of a large body's
+    short = {id(rate): replace(rate, data=rate.data[used], broken=rate.broken[used]) for rate in (*pieces, *alike)}
     own = [short[id(piece)] for piece in pieces]
     choices = islice(product(*groups), MOST_CHOICES)
-    return [_balance(task, own, [short[id(one)] for rates in choice for one in rates], told) for choice in choices]
+    return [_balance(task, own, [short[id(one)] for rates in choice for one in rates], used) for choice in choices]
 
 
-def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], told: Flags) -> _Balance:
+def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], nonzero: Flags) -> _Balance:
     """Return the balance: multipliers by non-negative least squares (Lawson and Hanson), of the amount's pieces too.
 
     The pieces' multipliers add up to one. Where a constraint without multiplier is made of those that have one, other
-    multipliers do as well: the derivatives that they change are open. The rates have the data that are `told`.
+    multipliers do as well: the derivatives that they change are open. The rates have the data that are `nonzero`.
     """
     from scipy.optimize import nnls
 
@@ -182,18 +182,18 @@ def _balance(task: Task, pieces: Sequence[Rate], constraints: Sequence[Rate], to
     used = shares > DEFAULT.stationary
     mixes = np.linalg.lstsq(matrix[:, used], matrix[:, ~used])[0]
     made = (np.abs(matrix[:, used] @ mixes - matrix[:, ~used]) <= DEFAULT.stationary).all(axis=0)
-    spare = data[~used][made]
-    near = DEFAULT.stationary * np.abs(spare).max(axis=1, initial=1.0)
-    undetermined = (np.abs(spare - mixes[:, made].T @ data[used]) > near[:, None]).any(axis=0)
+    unused = data[~used][made]
+    near = DEFAULT.stationary * np.abs(unused).max(axis=1, initial=1.0)
+    undetermined = (np.abs(unused - mixes[:, made].T @ data[used]) > near[:, None]).any(axis=0)
     broken = breaks[used].any(axis=0) | breaks[~used][made].any(axis=0)
     multipliers: dict[str, float] = {}
     for owner, factor, share in zip(owners, factors, shares.tolist(), strict=True):
         if owner >= 0:
             name = _named(constraints, owner)
             multipliers[name] = multipliers.get(name, 0.0) + factor * share
-    whole = np.zeros(len(told)), np.zeros(len(told), bool), np.zeros(len(told), bool)
+    whole = np.zeros(len(nonzero)), np.zeros(len(nonzero), bool), np.zeros(len(nonzero), bool)
     for values, some in zip(whole, (shares @ data, broken, undetermined & ~broken), strict=True):
-        values[told] = some
+        values[nonzero] = some
     return _Balance(*whole, multipliers, float(residual))
 
 

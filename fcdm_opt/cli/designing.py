@@ -224,7 +224,7 @@ def whatif_command(
         if conflicts or (solution is not None and not solution.verified):
             with common.named(problem="--conflicts" * conflicts):
                 clashes = clashing(problem if solution is None else solution)
-            yield "conflicts", clashes, tables.print_said
+            yield "conflicts", clashes, tables.print_as_text
         if drop or (plain and solution is not None and solution.usable):
             with common.named(problem="--drop" * drop):
                 dropped = costs(problem if solution is None else solution)
@@ -285,7 +285,7 @@ def map_command(
         with common.named(**given):
             names = () if sizes is None else chosen_sizes(problem, over=over)
         pairs = _measured(problem, names, sizes, columns, nominals)  # refused before a map is made
-        spent = min(each, max(pacing.left(), LEAST))
+        spent = min(each, max(pacing.remaining(), LEAST))
         with pacing.unlimited(), common.named(**given):  # it has its own limit
             found = compensation_map(problem, over=over, box=box, error=error, seconds=spent, jobs=jobs or 1)
         title = f"{file.name}: case {problem.name}"
@@ -297,7 +297,7 @@ def map_command(
                 inquiry.wrote(f"wrote {out / f'{stem}.{ending}'}")
             for path in write_grids(found, problem, out / stem, title=title):
                 inquiry.wrote(f"wrote {path}")
-        yield "map", found, tables.print_said
+        yield "map", found, tables.print_as_text
         if budget is not None:
             share = assembly_yield(found, sizes=pairs, budget=budget, seed=seed)
             if pictures is not None:
@@ -356,7 +356,7 @@ def pose_command(
         opened = [] if best.standing or best.permanent_faces else drawn.standing
         counted = not_counted(opened, "but counted in the pose, whose motion opens them")
         text = "; ".join([str(best).replace(ONLY_CLEAR, "--clearance 0,inf"), *counted])
-        yield "best pose", best, lambda _: tables.print_said(text)
+        yield "best pose", best, lambda _: tables.print_as_text(text)
         pose = best.parameters if best.transform is None else best.transform
         with pacing.telling():
             made = clearances(problem, sizes=pairs, box=box, pose=pose)
@@ -488,7 +488,7 @@ def _each_case(
         for number, (key, answer, printed) in enumerate(asked(file, problem)):
             if not (inquiry.as_json or number):
                 print_case(file.path.name, problem)
-            told = entry[key.replace(" ", "_")] = answer.to_dict()
+            data = entry[key.replace(" ", "_")] = answer.to_dict()
             inquiry.codes.append(_code(answer))
             if key != "map":  # which says it itself
                 exact = getattr(answer, "on_true_faces", number > 0 or on_true_faces(problem))
@@ -499,7 +499,7 @@ def _each_case(
                 certificate = Certificate(answer.checks) if hasattr(answer, "checks") else judged_in_time(answer)
             if certificate is not None:
                 inquiry.refused |= not certificate.passed
-                told["certificate"] = certificate.to_dict()
+                data["certificate"] = certificate.to_dict()
                 inquiry.codes.append(SOLVED if certificate.passed else NOT_VERIFIED)
             if not inquiry.as_json:
                 if certificate is not None and not certificate.passed:  # at its head

@@ -68,25 +68,25 @@ def document(contents: Mapping[str, Any]) -> str:
     from fcdm_opt.version import __version__
 
     scenes: dict[str, dict[str, Any]] = {}
-    told = _with_scenes(finite(contents), scenes)
+    data = _with_scenes(finite(contents), scenes)
     schema = " ".join(filter(None, ("fcdm_opt", manner.get().command, str(SCHEMA))))
     head: dict[str, Any] = {"schema": schema, "version": __version__}
     head |= {"scenes": [*scenes.values()]} if scenes else {}
-    return json.dumps({**head, **told}, indent=2, allow_nan=False)
+    return json.dumps({**head, **data}, indent=2, allow_nan=False)
 
 
-def _with_scenes(told: Any, scenes: dict[str, dict[str, Any]]) -> Any:
+def _with_scenes(given: Any, scenes: dict[str, dict[str, Any]]) -> Any:
     """Return plain data in which problems name their bodies by the number of a scene, each of which is there once."""
-    if isinstance(told, list):
-        return [_with_scenes(item, scenes) for item in told]
-    if not isinstance(told, dict):
-        return told
-    if not {"bodies", "case"} <= told.keys():
-        return {key: _with_scenes(item, scenes) for key, item in told.items()}
-    scene = {key: told[key] for key in SCENE if key in told}
+    if isinstance(given, list):
+        return [_with_scenes(item, scenes) for item in given]
+    if not isinstance(given, dict):
+        return given
+    if not {"bodies", "case"} <= given.keys():
+        return {key: _with_scenes(item, scenes) for key, item in given.items()}
+    scene = {key: given[key] for key in SCENE if key in given}
     number = list(scenes).index(key) if (key := json.dumps(scene)) in scenes else len(scenes)
     scenes[key] = scene
-    return {"scene": number, **{key: item for key, item in told.items() if key not in SCENE}}
+    return {"scene": number, **{key: item for key, item in given.items() if key not in SCENE}}
 
 
 def refuse(reason: Exception, text: str | None = None) -> str:

@@ -83,9 +83,9 @@ class LentCommand(Command):
                 self.help = f"{self.help}\n\nIt {INSTALL}."
                 return super().make_context(info_name, args, parent, **extra)
             raise InputError(INSTALL, key=self.name)
-        alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        alone.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
-        return typer.main.get_command(alone).make_context(info_name, args, parent, **extra)
+        app = typer.Typer(add_completion=False, rich_markup_mode=None)
+        app.command(self.name, cls=Command, epilog=self.epilog)(next(iter(points)).load())
+        return typer.main.get_command(app).make_context(info_name, args, parent, **extra)
 
 
 class Overview(TyperGroup):
@@ -209,7 +209,7 @@ def shown() -> Iterator[None]:
     watcher = threading.Thread(target=watch, daemon=True)
     if sign.terminal:
         sys.stdout, sys.stderr = (_Above(stream, sign) if stream is not None else stream for stream in kept)
-    with pacing.listening(sign.told):
+    with pacing.listening(sign.update):
         if sign.terminal:
             sign.tick()
         watcher.start()
@@ -237,7 +237,7 @@ class _Sign:
         self._line, self._width = False, shutil.get_terminal_size().columns - 1 + len(CLEARED)
         self._lock = threading.RLock()
 
-    def told(self, text: str, done: int, total: int) -> None:
+    def update(self, text: str, done: int, total: int) -> None:
         """Take note of what is being done."""
         if text != self._doing[0]:
             self._begun, self._first = perf_counter(), done

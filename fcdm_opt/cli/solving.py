@@ -104,7 +104,7 @@ def solve_command(
 
     def answered(file: OpenedFile, problem: Any, entry: dict[str, Any]) -> SolvedCase:
         row = solved_case(problem, certify=certify, effort=cast("Effort", effort), seconds=seconds)
-        entry |= {"name": problem.name, **row.solution.to_dict(), **row.beside}
+        entry |= {"name": problem.name, **row.solution.to_dict(), **row.extras}
         inquiry.codes.append(code_of(row.solution.usable, row.solution.status.name))
         answers.append((problem.name if len(files) == 1 else f"{file.path.stem}: {problem.name}", row.solution))
         if table is not None:

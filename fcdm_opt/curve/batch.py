@@ -127,15 +127,15 @@ def decision_curves(
         sites, rows, vertices = np.empty((0, 3), np.int64), np.empty((0, 6)), np.empty((0, 2, 2))
     status = np.array(STATUSES)[np.where(counts > 0, 1, np.where(states == kernels.OVERLAPPING, 2, 0))]
     parts = np.zeros((len(sites), 2), np.int64)
-    alone = np.flatnonzero(settled) if convex else np.arange(total)
-    if alone.size:
+    single = np.flatnonzero(settled) if convex else np.arange(total)
+    if single.size:
         extra: list[Segment] = []
-        for k in alone.tolist():
+        for k in single.tolist():
             curve = DecisionCurve(movable, static, poses[k], limits)
             extra += curve.segments
             counts[k], status[k], settled[k] = len(curve.segments), curve.status, curve.paths["exact"] > 0
             tied[k] = any(region.is_tied for region in curve.regions)
-        rest = ~np.isin(np.arange(total), alone).repeat(counts)
+        rest = ~np.isin(np.arange(total), single).repeat(counts)
         sites = _spliced(rest, sites, [segment.run.pieces[0].site for segment in extra])
         parts = _spliced(rest, parts, [segment.parts for segment in extra])
         rows = _spliced(rest, rows, [np.concatenate([segment.normal, segment.line]) for segment in extra])

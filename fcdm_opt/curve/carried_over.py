@@ -19,7 +19,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.geometry.resizing import planes_made
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.tolerances import DEFAULT
@@ -55,25 +55,25 @@ class CarriedOver:
         parts, made = self._on_parts(joint.parts, joint.feature, of_parts)
         return replace(made, parts=parts, carriers=(parts,)).carried_by(*self._made)
 
-    def seat(self, seat: Flush) -> Flush:
+    def flush(self, flush: Flush) -> Flush:
         """Return a flush contact of the bodies as made."""
 
         def of_parts(one: _PartsAlike, two: _PartsAlike) -> Flush:
-            own, n = seat.contact, seat.normal
+            own, n = flush.contact, flush.normal
             contact = replace(own, one=one.element(own.one, n), two=two.element(own.two, -n))
             if len(contact.two) > 2:
                 n = -two.made.normals[two.made.loops.index(contact.two)]
             else:
                 n = one.made.normals[one.made.loops.index(contact.one)]
-            feature, touching = (_named(named, one, two, n) for named in (seat.feature, seat.touching))
+            feature, touching = (_named(named, one, two, n) for named in (flush.feature, flush.touching))
             contact = replace(contact, feature=_named(own.feature, one, two, n))
-            carrier = one.made, two.made, replace(seat.carriers[0][2], feature=touching)
+            carrier = one.made, two.made, replace(flush.carriers[0][2], feature=touching)
             return replace(
-                seat, feature=feature, touching=touching, contact=contact, normal=frozen(n), carriers=(carrier,),
+                flush, feature=feature, touching=touching, contact=contact, normal=frozen(n), carriers=(carrier,),
                 _pair=(one.made, two.made),
             )  # fmt: skip
 
-        parts, made = self._on_parts(seat.parts, seat.feature, of_parts)
+        parts, made = self._on_parts(flush.parts, flush.feature, of_parts)
         return replace(made, parts=parts).carried_by(*self._made)
 
     def _on_parts(
@@ -225,7 +225,7 @@ class _PartsAlike:
 
     def refuse(self, element: Element) -> NoReturn:
         """Raise that an element of what touches as drawn is gone."""
-        text = told_element(self._bodies[0], element)
+        text = element_text(self._bodies[0], element)
         what = f"the body changes its shape at these sizes: what touches as drawn, {text}, is not there any more"
         allowed = "smaller deviations, or a question without contacts"
         raise InputError(what, key=f"body '{self._bodies[0].name}'", allowed=allowed)

@@ -110,8 +110,8 @@ def overlaps_between(
     """
     (start, before), (pose, rho) = ends
     shift, growth = pose[9:] - start[9:], rho - before
-    reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
-    near = slack + np.linalg.norm(shift) + np.abs(growth) @ reach
+    radii = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
+    near = slack + np.linalg.norm(shift) + np.abs(growth) @ radii
     found = []
     bounds = kernels.pair_bounds(*movable.packed, *static.packed, start, before)
     for i, j in sorted(touching.union(map(tuple, np.argwhere(bounds <= near).tolist()))):

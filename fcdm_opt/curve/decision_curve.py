@@ -136,11 +136,11 @@ class DecisionCurve(NotebookRepr, Plain):
                     points.append(self._switching_point(stretch, successor, len(points) + 1))
             if run:
                 branches.append(Branch(tuple(run)))
-        for rho, one, two in [] if self._convex else self._union.alone:
-            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+        for rho, one, two in [] if self._convex else self._union.isolated:
+            near = DEFAULT.nominal * float(np.linalg.norm(self.pose[9:]) + rho @ self._circumradii)
             if in_box(rho, self.box) and abs(self.near_gap(rho, near)) <= near:
                 runs = Run(one, (one,)), Run(two, (two,))
-                points.append(self._switching_point(*runs, len(points) + 1, alone=True))
+                points.append(self._switching_point(*runs, len(points) + 1, isolated=True))
         return tuple(branches), tuple(points)
 
     @property
@@ -193,10 +193,10 @@ class DecisionCurve(NotebookRepr, Plain):
         (a, b), (c, d) = ((low, min(high, 2.0 * low + 1.0)) for low, high in self.box)
         places = np.array([(a + p * (b - a), c + q * (d - c)) for p, q in _SHARES])
         # parts that touch at all scales may overlap by rounding, and at a single scale pair parts may just fit
-        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._reach)
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + places @ self._circumradii)
         return "overlapping" if (np.atleast_1d(self.gap(places)) < -slack).any() else "apart"
 
-    def _switching_point(self, run: Run, successor: Run, index: int, *, alone: bool = False) -> SwitchingPoint:
+    def _switching_point(self, run: Run, successor: Run, index: int, *, isolated: bool = False) -> SwitchingPoint:
         before, after = run.pieces[-1], successor.pieces[0]
         return SwitchingPoint(
             frozen(before.end),
@@ -207,7 +207,7 @@ class DecisionCurve(NotebookRepr, Plain):
             (self.movable, self.static),
             self.pose,
             index,
-            alone,
+            isolated,
         )
 
     def contact_sets(self, rho: ArrayLike) -> tuple[Array, ...]:
@@ -277,7 +277,7 @@ class DecisionCurve(NotebookRepr, Plain):
 
     def _located(self, point: Array, tolerance: float) -> Segment | SwitchingPoint | None:
         near = tolerance * np.abs(point).max()
-        most = 2.0 * near * float(self._reach.sum())
+        most = 2.0 * near * float(self._circumradii.sum())
         if point.min() > 0 and abs(self.near_gap(point, most)) > most:
             return None  # a change of the scales by `near` closes no such gap
         each = np.maximum(tolerance * np.abs(point), DEFAULT.point * np.abs(point).max())  # one may be much smaller
@@ -316,9 +316,9 @@ class DecisionCurve(NotebookRepr, Plain):
         return whole
 
     @cached_property
-    def _reach(self) -> Array:
+    def _circumradii(self) -> Array:
         """Largest distance of a vertex from the seed of either body, (2,)."""
-        return np.array([max(part.reach for part in body.parts) for body in (self.movable, self.static)])
+        return np.array([max(part.circumradius for part in body.parts) for body in (self.movable, self.static)])
 
     def crossings(self, rho1: float) -> Array:
         """Return all contact scales rho_2 in the box at a given rho_1, increasing."""
@@ -331,8 +331,8 @@ class DecisionCurve(NotebookRepr, Plain):
         """Return where rho_1 = const meets the boundary of the union of the open overlap regions, in the box."""
         (low, high), span = self.box
         if not (self._convex or low <= rho1 <= high):  # what is hidden or apart there is not known
-            beside = (max(rho1, 0.0) * (1.0 - DEFAULT.rim), max(rho1, DEFAULT.rim) * (1.0 + DEFAULT.rim))
-            return replace(self, box=(beside, span))._crossings(max(rho1, 0.0))
+            around = (max(rho1, 0.0) * (1.0 - DEFAULT.rim), max(rho1, DEFAULT.rim) * (1.0 + DEFAULT.rim))
+            return replace(self, box=(around, span))._crossings(max(rho1, 0.0))
         regions = self.regions if self._convex else (*self._union.regions, *self._union.hiding)
         found = [inside(region, np.array([rho1, 0.0]), np.array([0.0, 1.0])) for region in regions]
         intervals = sorted((max(lo, 0.0), hi) for lo, hi in found if hi > max(lo, 0.0))
@@ -377,7 +377,7 @@ class DecisionCurve(NotebookRepr, Plain):
             raise InputError("scale pairs are finite numbers, (2,) or (n, 2)", key="rho", found=rho)
         flat = np.ascontiguousarray(pairs.reshape(-1, 2))
         gaps, positive = self._of_parts(flat), (flat > 0).all(axis=1)
-        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._reach)
+        near = DEFAULT.sign * (np.linalg.norm(self.pose[9:]) + flat @ self._circumradii)
         for k in np.flatnonzero(positive & (np.abs(gaps) <= near)) if settled else ():  # rounding would decide
             gaps[k] = self._exact_gap(flat[k], near[k])
         for k in np.flatnonzero(positive) if kept_as_surface(self.movable, self.static) else ():

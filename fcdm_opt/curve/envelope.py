@@ -44,27 +44,27 @@ class Visible(NamedTuple):
     chains: list[list[Stretch]]
     # list of (piece, s): pieces and where on them a point is that no open region holds, off all stretches; once for
     # each that passes
-    alone: list[tuple[int, float]]
+    isolated: list[tuple[int, float]]
     owners: Ints  # (pieces, 2): the region of each piece, and its number in there
 
 
 def visible(regions: Sequence[Region], cells: Array, members: Ints, shares: Ints) -> Visible:
     """Return what is on the boundary of a union of regions; cells, members and shares as in `envelope.Union`."""
-    lines, line_starts = _together([region.unit_lines for region in regions], 3)
-    pieces, piece_starts = _together([region.table for region in regions], 6)
+    lines, line_starts = _stacked([region.unit_lines for region in regions], 3)
+    pieces, piece_starts = _stacked([region.table for region in regions], 6)
     found = kernels.stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, LIMITS)
     point = found[:, 1] == found[:, 2]
     region = np.repeat(np.arange(len(regions)), np.diff(piece_starts))
     with np.errstate(invalid="ignore"):  # ends at infinity are nowhere near each other
         kept = _without_repeats(_merged(found[~point]), pieces)
         chains = _chained(kept, pieces, [regions[k].parts for k in region.tolist()])
-        alone = [
+        isolated = [
             (int(piece), s) for piece, s, _ in found[point].tolist() if not _passed(pieces[int(piece)], s, kept, pieces)
         ]
-    return Visible(chains, alone, np.column_stack([region, np.arange(len(pieces)) - piece_starts[region]]))
+    return Visible(chains, isolated, np.column_stack([region, np.arange(len(pieces)) - piece_starts[region]]))
 
 
-def _together(tables: list[Array], width: int) -> tuple[Array, Ints]:
+def _stacked(tables: list[Array], width: int) -> tuple[Array, Ints]:
     """Return tables one after the other, and where each starts."""
     starts = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64)
     return np.concatenate([np.empty((0, width)), *tables]), starts
@@ -95,8 +95,8 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
             u, v = pieces[known.piece, 2:4].tolist()
             opposed = not x * u + y * v > 0.0
             lo, hi = (-known.hi, -known.lo) if opposed else (known.lo, known.hi)
-            left = _less(rest, lo, hi, scale)
-            if np.array_equal(left, rest):
+            remaining = _less(rest, lo, hi, scale)
+            if np.array_equal(remaining, rest):
                 continue
             if opposed:
                 begin, end = max(known.lo, -own.hi), min(known.hi, -own.lo)
@@ -106,7 +106,7 @@ def _without_repeats(stretches: Sequence[Stretch], pieces: Array) -> list[Stretc
                 kept[place] = None
             else:
                 kept[place] = known._replace(dropped=True)
-            rest = left
+            rest = remaining
         kept += [Stretch(own.piece, p, q) for p, q in rest.tolist()]
     return [known for known in kept if known is not None]
 
@@ -120,8 +120,8 @@ def on_line(table: Array, base: Array, travel: Array) -> Flags:
 
 def _less(spans: Array, lo: float, hi: float, scale: float) -> Array:
     """Return what an open interval leaves of closed ones, but for slivers."""
-    left = np.concatenate([spans, spans])
-    return left[: kernels.take_out(left, np.empty_like(left), len(spans), lo, hi, DEFAULT.line, scale, False)]
+    rest = np.concatenate([spans, spans])
+    return rest[: kernels.take_out(rest, np.empty_like(rest), len(spans), lo, hi, DEFAULT.line, scale, False)]
 
 
 def _chained(kept: list[Stretch], pieces: Array, parts: Sequence[tuple[int, int]]) -> list[list[Stretch]]:
@@ -159,9 +159,9 @@ def _passed(piece: Array, s: float, kept: list[Stretch], pieces: Array) -> bool:
     place = piece[:2] + s * piece[2:4]
     rows = np.array([own[:3] for own in kept]).reshape(-1, 3)
     base, travel = (pieces[rows[:, 0].astype(np.int64), k : k + 2] for k in (0, 2))
-    way = place - base
-    along = np.clip((way * travel).sum(axis=1), rows[:, 1], rows[:, 2])[:, None] * travel
-    return bool((np.hypot(*(way - along).T) <= DEFAULT.nominal * np.abs(place).sum()).any())
+    offset = place - base
+    along = np.clip((offset * travel).sum(axis=1), rows[:, 1], rows[:, 2])[:, None] * travel
+    return bool((np.hypot(*(offset - along).T) <= DEFAULT.nominal * np.abs(place).sum()).any())
 
 
 Limits = tuple[tuple[float, float], tuple[float, float]]
@@ -236,11 +236,11 @@ class Union:
         return [_joined(chain) for chain in _sorted(chains)]
 
     @cached_property
-    def alone(self) -> list[tuple[Array, Piece, Piece]]:
+    def isolated(self) -> list[tuple[Array, Piece, Piece]]:
         """Single scale pairs of the union's boundary, on none of its chains: a fit without play on all sides."""
         # each with pieces of two different directions that pass there, the first by their labels, cut to the point
         found: list[tuple[Array, list[Piece]]] = []
-        for piece_number, s in self._visible.alone:
+        for piece_number, s in self._visible.isolated:
             k, number = self._visible.owners[piece_number].tolist()
             region = self.regions[k]
             piece = region.piece(number).cut(s, s)
@@ -292,9 +292,9 @@ def _foremost(
 ) -> tuple[frozenset[Element], ...]:
     """Return the bodies' elements that the foremost corners of two parts belong to, along a direction from 1 to 2."""
     found = []
-    for body, k, way in ((movable, parts[0], normal @ pose[:9].reshape(3, 3)), (static, parts[1], -normal)):
+    for body, k, direction in ((movable, parts[0], normal @ pose[:9].reshape(3, 3)), (static, parts[1], -normal)):
         part = body.parts[k]
-        heights = (part.vertices - part.seed) @ way
+        heights = (part.vertices - part.seed) @ direction
         top = np.flatnonzero(heights >= heights.max() - DEFAULT.tie * body.size)
         found.append(frozenset(part.elements["V"][v] for v in top.tolist()))
     return tuple(found)

@@ -11,7 +11,7 @@ from typing import Literal, cast
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import MANY, names_of_faces, names_of_rows, told_element
+from fcdm_opt.geometry.naming import MANY, element_text, names_of_faces, names_of_rows
 
 FeatureKind = Literal["V1V2", "V1E2", "E1V2", "E1E2", "V1F2", "F1V2", "E1F2", "F1E2", "F1F2"]
 
@@ -51,7 +51,7 @@ class Feature:
         one, two = (",".join(f"V{v}" for v in element.vertices) for element in (self.one, self.two))
         return f"{self.kind}(P1{one}; P2{two})"
 
-    def told(self, movable: Body, static: Body) -> str:
+    def described(self, movable: Body, static: Body) -> str:
         """Return the label with names of the bodies' faces: F1F2(P1 bottom; P2 face 75), see `names_of_faces`."""
         words = []
         for element, body in ((self.one, movable), (self.two, static)):
@@ -65,13 +65,13 @@ class Feature:
         """Return what meets what: "back face of key, face 8 (facing +y) of slot"."""
         words = list[str]()
         for own, body, part in ((self.one, movable, "the movable part"), (self.two, static, "the static part")):
-            name = told_element(body, own)
+            name = element_text(body, own)
             name = name if name.startswith("face ") else name.partition(" (facing")[0]  # a side tells it by its name
             words.append(f"{name} of {body.name or part}")
         return ", ".join(words)
 
     def spellings(self, movable: Body, static: Body) -> set[str]:
-        """Return the texts that stand for this contact of two bodies: `told`, also by numbers of faces, `in_words`."""
+        """Texts that stand for this contact of two bodies: `described`, also by numbers of faces, `in_words`."""
         sides = list[set[str]]()
         for element, body in ((self.one, movable), (self.two, static)):
             corners, face = ",".join(f"V{v}" for v in element.vertices), tuple(sorted(element.vertices))
@@ -110,12 +110,12 @@ class Feature:
         """Return a text with `in_words` in place of each label after `head`, which is left out."""
         # "keep-out 'post' " before a label says what body 2 is
 
-        def told(found: re.Match[str]) -> str:
+        def replaced(found: re.Match[str]) -> str:
             own, other = Feature.from_label(found[2]), keep_outs.get(found[1] or "", static)
             known = max(own.one.vertices) <= len(movable.vertices) and max(own.two.vertices) <= len(other.vertices)
             return own.in_words(movable, other) if known else found[2]  # else of points that they are exact at
 
-        return re.sub(rf"{re.escape(head)}(?:keep-out '([^']*)' )?({_LABEL.pattern})", told, text)
+        return re.sub(rf"{re.escape(head)}(?:keep-out '([^']*)' )?({_LABEL.pattern})", replaced, text)
 
     def merged(self, other: Feature) -> Feature | None:
         """Return the contact feature in which two features of one part pair meet, None if they share nothing."""

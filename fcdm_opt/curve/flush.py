@@ -34,7 +34,7 @@ class Overlap(NamedTuple):
     """How far elements reach over one another along a direction in their plane: what they share ends at zero."""
 
     depth: float
-    way: Array
+    direction: Array
     one: Array  # the foremost vertex of body 1, as drawn
     two: Array  # the hindmost of body 2, as scaled and relative to its seed
 
@@ -108,11 +108,11 @@ class Flush:
         n, found = self._normal_at(pose), []
         for one, two, contact in self.carriers:
             X, Y = placed_elements(one, two, pose, contact, rho)
-            ways = np.vstack([outward_directions(X, n, contact.parallel), -outward_directions(Y, n, contact.parallel)])
-            i, j = (X @ ways.T).argmax(axis=0), (Y @ ways.T).argmin(axis=0)
-            depths = ((X[i] - Y[j]) * ways).sum(axis=1)
+            axes = np.vstack([outward_directions(X, n, contact.parallel), -outward_directions(Y, n, contact.parallel)])
+            i, j = (X @ axes.T).argmax(axis=0), (Y @ axes.T).argmin(axis=0)
+            depths = ((X[i] - Y[j]) * axes).sum(axis=1)
             k = int(depths.argmin())
-            found.append(Overlap(float(depths[k]), ways[k], one.vertices[contact.one[i[k]]], Y[j[k]]))
+            found.append(Overlap(float(depths[k]), axes[k], one.vertices[contact.one[i[k]]], Y[j[k]]))
         return max(found, key=lambda overlap: overlap.depth)
 
     def holds(self, pose: Array, rho: Array, slack: float) -> bool:
@@ -139,8 +139,8 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
     # are no contact of their own
     pose = kernels.relative_pose(np.eye(4), movable.seed, static.seed)
     least = DEFAULT.shared * min(movable.size, static.size)
-    reach = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
-    slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ reach)
+    radii = [np.linalg.norm(body.vertices - body.seed, axis=1).max() for body in (movable, static)]
+    slack = DEFAULT.nominal * float(np.linalg.norm(pose[9:]) + rho @ radii)
     found: dict[Feature, Flush] = {}
     for (i, j), _, rows, separations in touching_pairs(movable, static, pose, rho, slack):
         one, two, tight = movable.parts[i], static.parts[j], rows[separations >= -slack, :3]
@@ -174,10 +174,10 @@ def flush_contacts(movable: Body, static: Body, rho: Array) -> tuple[Flush, ...]
 def outward_directions(element: Array, normal: Array, along: bool) -> Array:
     """Return unit directions in a plane: out of a face across its sides, off an edge to either side, or along it."""
     sides = np.roll(element, -1, axis=0) - element
-    ways = sides if along else np.cross(sides, normal)
+    directions = sides if along else np.cross(sides, normal)
     if len(element) > 2:
-        ways = ways * np.sign(((element - element.mean(axis=0)) * ways).sum(axis=1, keepdims=True))
-    return np.asarray(ways / np.linalg.norm(ways, axis=1)[:, None])
+        directions = directions * np.sign(((element - element.mean(axis=0)) * directions).sum(axis=1, keepdims=True))
+    return np.asarray(directions / np.linalg.norm(directions, axis=1)[:, None])
 
 
 def _is_plane(movable: Body, static: Body, feature: Feature, touching: Feature) -> bool:

@@ -341,7 +341,7 @@ def _all_around(reals, ints, face, sign, ray, bound):
 
 
 @step
-def _left_through(reals, ints, ray):
+def _exit_face(reals, ints, ray):
     """Return the face that the line of a ray from the seed leaves the part through; -1: it misses, -2: cannot tell."""
     count, inside = ints[0], reals[ints[0] + ints[1], 2] > 0.0
     radius, length = reals[ints[0] + ints[1], 0], _length(ray)
@@ -392,7 +392,7 @@ def _seed_ray(reals, ints, ray):
 
     State 0: missed, 1: hit, 2: cannot tell.
     """
-    out = _left_through(reals, ints, ray)
+    out = _exit_face(reals, ints, ray)
     if out < 0:
         return (0 if out == -1 else 2), -1, -1
     if reals[ints[0] + ints[1], 2] > 0.0:
@@ -400,7 +400,7 @@ def _seed_ray(reals, ints, ray):
     side = _seed_side(reals, ints, out)
     if side != 1:
         return (0 if side == -1 else 2), -1, -1
-    into = _left_through(reals, ints, _times(-1.0, ray))
+    into = _exit_face(reals, ints, _times(-1.0, ray))
     side = _seed_side(reals, ints, into) if into >= 0 else 0
     if side == 0:
         return 2, -1, -1
@@ -465,7 +465,7 @@ def _track(reals1, reals2, frame, forward, kind, apex):
 
 
 @step
-def _way_out(reals, ints, face, q, bound):
+def _exit_of(reals, ints, face, q, bound):
     """Return the half-edge of a face over which the contact point leaves it, and q.x at its ends; -1: cannot tell."""
     first = h = ints[np.uintp(ints[5] + face)]
     before = _dot(q, _at(reals, _half_edge(ints, h, ORIGIN)))
@@ -685,13 +685,13 @@ def _walk_chain(reals1, ints1, reals2, ints2, frame, forward, kind, face, apex, 
             n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, F1V2, i, j)
             fine = reals1[ints1[0] + i, 3] < FINE
             q = _track(reals1, reals2, frame, forward, F1V2, j)
-            h, before, after = _way_out(reals1, ints1, i, q, frame[OFFSET_BOUND])
+            h, before, after = _exit_of(reals1, ints1, i, q, frame[OFFSET_BOUND])
             meets, vertex, skip = F1V2, j, -1
         elif kind == V1F2:
             n, one, two, level = _face_row(reals1, ints1, reals2, ints2, frame, V1F2, j, i)
             fine = reals2[ints2[0] + j, 3] < FINE
             q = _track(reals1, reals2, frame, forward, V1F2, i)
-            h, before, after = _way_out(reals2, ints2, j, q, frame[OFFSET_BOUND])
+            h, before, after = _exit_of(reals2, ints2, j, q, frame[OFFSET_BOUND])
             meets, vertex, skip = V1F2, i, -1
         else:
             sites[k, 1], sites[k, 2] = i >> 1, j >> 1
@@ -791,7 +791,7 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
             ahead = count
             continue
         if start == 5:
-            _join_ways(sites[used:], rows[used:], points[used + made :], ahead, count)
+            _join_chains(sites[used:], rows[used:], points[used + made :], ahead, count)
             forward, count = 1.0, ahead + count - 1
         if end == CLOSED:
             _start_lowest(sites[used:], rows[used:], points[used + made :], count)
@@ -810,7 +810,7 @@ def _walk(reals1, ints1, reals2, ints2, frame, kind0, face0, sites, rows, points
 
 
 @step
-def _join_ways(sites, rows, points, ahead, back):
+def _join_chains(sites, rows, points, ahead, back):
     """Join the two ways from one segment to infinity, the second backward and stored behind the first."""
     last = ahead + back - 1
     for m in range(last, ahead, -1):  # what is met before a segment backward is met after it
@@ -1047,18 +1047,18 @@ def _walk_tied(reals1, ints1, reals2, ints2, frame, planarity, sites, rows, poin
         return UNDECIDED, 0, 0  # the seeds are one but for rounding
     if not (inside1 or inside2) and _grazes(reals1, ints1, reals2, ints2, frame, planarity):
         return GRAZING, 0, 0
-    beside, witness = np.empty(FRAME), np.empty(6)
+    shifted, witness = np.empty(FRAME), np.empty(6)
     moved1 = reals1 if inside1 else _moved_inward(reals1, ints1)
     moved2 = reals2 if inside2 else _moved_inward(reals2, ints2)
     for trial in range(len(_ASIDE)):
-        _set_aside(frame, _ASIDE[trial], beside)
-        _set_frame(moved1, ints1, moved2, ints2, beside, planarity, beside)
+        _set_aside(frame, _ASIDE[trial], shifted)
+        _set_frame(moved1, ints1, moved2, ints2, shifted, planarity, shifted)
         state, kind, face = ADRIFT, -1, -1
         for _ in range(2):
-            state, _, made = _walk(moved1, ints1, moved2, ints2, beside, kind, face, sites, rows, points, chains)
+            state, _, made = _walk(moved1, ints1, moved2, ints2, shifted, kind, face, sites, rows, points, chains)
             if state != ADRIFT:
                 break
-            state, kind, face = _landfall(moved1, ints1, moved2, ints2, beside[:12].copy(), beside)
+            state, kind, face = _landfall(moved1, ints1, moved2, ints2, shifted[:12].copy(), shifted)
             if state != ADRIFT:
                 break
         if state == CROWDED:
@@ -1147,11 +1147,11 @@ def _set_aside(frame, aside, pose):
 
 
 @step
-def _leads_outside(row, way, x, y):
+def _leads_outside(row, sense, x, y):
     """Tell whether a line leads from a scale pair, by its way on or back, on to none in the open quadrant."""
     if min(x, y) < -_SURE * max(np.abs(x), np.abs(y)):
         return True
-    inward = way * row[4] if np.abs(x) < np.abs(y) else -way * row[3]
+    inward = sense * row[4] if np.abs(x) < np.abs(y) else -sense * row[3]
     return np.abs(min(x, y)) <= _THIN * max(x, y) and inward <= 0.0
 
 
@@ -1296,8 +1296,8 @@ def _true_row(reals1, ints1, reals2, ints2, frame, site, row):
         a, b, left, _ = _side(ints1, 2 * i)
         u, v, over, _ = _side(ints2, 2 * j)
         right, under = _half_edge(ints1, 2 * i + 1, FACE), _half_edge(ints2, 2 * j + 1, FACE)
-        along, way = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a))), _minus(_at(reals2, v), _at(reals2, u))
-        sine = _length(_cross(along, way)) / (_length(along) * _length(way))
+        along, edge = _turned(frame, R, _minus(_at(reals1, b), _at(reals1, a))), _minus(_at(reals2, v), _at(reals2, u))
+        sine = _length(_cross(along, edge)) / (_length(along) * _length(edge))
         if sine <= _TIE:  # any direction across them that both parts support
             along = _times(1.0 / _length(along), along)
             n = _entry(row, 0)
@@ -1457,9 +1457,9 @@ def _apart(p, q, r, s):
 @step
 def _foot(p, q, x):
     """Return the point of a segment that is nearest to a point."""
-    way = _minus(q, p)
-    share = min(max(_dot(_minus(x, p), way) / _dot(way, way), 0.0), 1.0)
-    return _plus(p, _times(share, way))
+    edge = _minus(q, p)
+    share = min(max(_dot(_minus(x, p), edge) / _dot(edge, edge), 0.0), 1.0)
+    return _plus(p, _times(share, edge))
 
 
 @step
@@ -1545,8 +1545,8 @@ def _clipped(points, place, k, count, endless, line, box, least):
     """Return what `clip` returns of segment k of a chain whose points begin at a place."""
     start, end = points[place + k], points[place + k + 1]
     if endless & 2 and k == 0:
-        left, u, v, x, y = clip(end, start, True, line, box, least)
-        return left, x, y, u, v
+        inside, u, v, x, y = clip(end, start, True, line, box, least)
+        return inside, x, y, u, v
     return clip(start, end, endless & 1 and k == count - 1, line, box, least)
 
 
@@ -1640,8 +1640,8 @@ def _append(sites, rows, points, chains, made, box, least, all_sites, all_rows, 
         back = _hanging(rows, points, first, first + best, count, box, least) if endless == 0 else 0
         for index in range(-back, count - back):
             k = index % count if forward > 0 else count - 1 - index
-            left, x, y, u, v = _clipped(points, first + best, k, count, endless, rows[first + k, 3:], box, least)
-            if not left:
+            inside, x, y, u, v = _clipped(points, first + best, k, count, endless, rows[first + k, 3:], box, least)
+            if not inside:
                 continue
             for entry in range(6):
                 all_rows[kept, entry] = rows[first + k, entry]
@@ -1697,10 +1697,10 @@ def _first_pair(points, chains, chain):
     """Return the first scale pair of a chain, walked with the overlap region on the left; it may be at infinity."""
     first, count, endless = chains[chain, 0] + chain, chains[chain, 1], chains[chain, 3]
     last = first + count
-    k, beside, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (last, last - 1, endless & 1)
+    k, following, far = (first, first + 1, endless & 2) if chains[chain, 2] > 0 else (last, last - 1, endless & 1)
     x, y = points[k, 0], points[k, 1]
     if far > 0:
-        x, y = (points[beside, 0] if x == 0.0 else np.inf), (points[beside, 1] if y == 0.0 else np.inf)
+        x, y = (points[following, 0] if x == 0.0 else np.inf), (points[following, 1] if y == 0.0 else np.inf)
     return x, y
 
 
@@ -1774,13 +1774,13 @@ def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edge
     """Return sites and rows, and of some edges of part 1 all with edges of part 2 whose arcs may cross theirs."""
     f1, f2, r1, r2 = ints1[0], ints2[0], frame[RADIUS_1], frame[RADIUS_2]
     # of each edge of part 2 its way, its length, and the normal of its arc's plane seen from part 1
-    ways, across, lengths = np.empty((ints2[2], 3)), np.empty((ints2[2], 3)), np.empty(ints2[2])
+    lines, across, lengths = np.empty((ints2[2], 3)), np.empty((ints2[2], 3)), np.empty(ints2[2])
     for other in range(ints2[2]):
         u, v, _, _ = _side(ints2, 2 * other)
-        way = _minus(_at(reals2, v), _at(reals2, u))
-        ways[other, 0], ways[other, 1], ways[other, 2] = way
-        across[other, 0], across[other, 1], across[other, 2] = _turned_back(frame, COFACTORS, way)
-        lengths[other] = _length(way)
+        line = _minus(_at(reals2, v), _at(reals2, u))
+        lines[other, 0], lines[other, 1], lines[other, 2] = line
+        across[other, 0], across[other, 1], across[other, 2] = _turned_back(frame, COFACTORS, line)
+        lengths[other] = _length(line)
     for edge in edges:
         h = 2 * edge
         a, b, left, _ = _side(ints1, h)
@@ -1800,7 +1800,7 @@ def _with_doubtful(reals1, ints1, reals2, ints2, frame, sites, rows, count, edge
             if (s > bound and t > bound2) or (s < -bound and t < -bound2):
                 continue
             # a product over the length of this one is the sine of the angle from the face's direction to theirs
-            near = SAME * _length(_cross(along, _at(ways, other)))
+            near = SAME * _length(_cross(along, _at(lines, other)))
             one, two = near / length, near / lengths[other]
             if not near > 0.0 or (
                 np.abs(p) + slack <= one or np.abs(q) + slack2 <= one
@@ -1954,8 +1954,8 @@ def pair_bounds(reals1, ints1, places1, reals2, ints2, places2, pose, rho):
     """Return lower bounds of all part pairs' signed gaps at a scale pair, (parts 1, parts 2), from a few directions."""
     d, bounds = _entry(pose, 9), np.full((len(places1) - 1, len(places2) - 1), -_INF)
     heights = np.empty(bounds.shape[1])
-    for way in range(_WAYS - 1):
-        u = _direction(way)
+    for k in range(_DIRECTIONS - 1):
+        u = _direction(k)
         inward, back, level = _turned_back(pose, 0, u), _times(-1.0, u), _dot(u, d)
         for j in range(bounds.shape[1]):
             heights[j] = _height(reals2, places2[j, 0], ints2[places2[j, 1]], back) * rho[1]
@@ -2007,17 +2007,17 @@ def spans(reals1, ints1, places1, reals2, ints2, places2, pose, rho, pairs, alon
         i, j = pairs[k, 0], pairs[k, 1]
         own1, table1, own2, table2 = _pair(reals1, ints1, places1, reals2, ints2, places2, i, j)
         rows = facet_rows(own1, table1, own2, table2, pose)[1]
-        low, high, beside = -_INF, _INF, -_INF
+        low, high, most = -_INF, _INF, -_INF
         for m in range(len(rows)):
             excess = rows[m, 5] - rows[m, 3] * rho[0] - rows[m, 4] * rho[1] - need
             rate = _dot(_at(rows, m), _entry(along, 0))
             if np.abs(rate) <= level:
-                beside = max(beside, excess)
+                most = max(most, excess)
             elif rate > 0.0:
                 low = max(low, excess / rate)
             else:
                 high = min(high, excess / rate)
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, beside, len(rows)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = low, high, most, len(rows)
     return found
 
 
@@ -2045,15 +2045,15 @@ def heights(reals, ints, places, parts, directions):
     return found
 
 
-_WAYS = 15  # directions of the quick test: both ways along the axes and along the diagonals of a cube, and another
+_DIRECTIONS = 15  # of the quick test: both ways along the axes and along the diagonals of a cube, and another
 _DIAGONAL = 1.0 / np.sqrt(3.0)
 
 
 @step
-def _direction(way):
+def _direction(number):
     """Return one of the directions; 2 k and 2 k + 1 are opposite."""
-    sign = 1.0 if way & 1 == 0 else -1.0
-    axis = way >> 1
+    sign = 1.0 if number & 1 == 0 else -1.0
+    axis = number >> 1
     if axis < 3:
         return (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
     s = sign * _DIAGONAL
@@ -2066,26 +2066,26 @@ def quick_lines(reals1, ints1, places1, reals2, ints2, places2, pose, x, y):
     """Return contact lines (a, b, c) of all part pairs in a few directions, (pairs x ways, 3), largest |a| and |b|."""
     # the last is from the middle of the one part to that of the other at a scale pair
     n1, n2, d = len(places1) - 1, len(places2) - 1, _entry(pose, 9)
-    lines, most1, most2 = np.empty((n1 * n2 * _WAYS, 3)), 0.0, 0.0
+    lines, most1, most2 = np.empty((n1 * n2 * _DIRECTIONS, 3)), 0.0, 0.0
     middles1, middles2 = _middles(reals1, ints1, places1), _middles(reals2, ints2, places2)
-    for way in range(_WAYS - 1):
-        u = _direction(way)
+    for number in range(_DIRECTIONS - 1):
+        u = _direction(number)
         inward, back, level = _turned_back(pose, 0, u), _times(-1.0, u), _dot(u, d)
         for i in range(n1):
             a = _height(reals1, places1[i, 0], ints1[places1[i, 1]], inward)
             most1 = max(most1, np.abs(a))
             for j in range(n2):
-                lines[(i * n2 + j) * _WAYS + way, 0] = a
+                lines[(i * n2 + j) * _DIRECTIONS + number, 0] = a
         for j in range(n2):
             b = _height(reals2, places2[j, 0], ints2[places2[j, 1]], back)
             most2 = max(most2, np.abs(b))
             for i in range(n1):
-                k = (i * n2 + j) * _WAYS + way
+                k = (i * n2 + j) * _DIRECTIONS + number
                 lines[k, 1], lines[k, 2] = b, level
     for i in range(n1):
         middle = _times(x, _turned(pose, 0, _at(middles1, i)))
         for j in range(n2):
-            n, k = _between(d, middle, _times(-y, _at(middles2, j))), (i * n2 + j) * _WAYS + _WAYS - 1
+            n, k = _between(d, middle, _times(-y, _at(middles2, j))), (i * n2 + j) * _DIRECTIONS + _DIRECTIONS - 1
             lines[k, 0] = _height(reals1, places1[i, 0], ints1[places1[i, 1]], _turned_back(pose, 0, n))
             lines[k, 1] = _height(reals2, places2[j, 0], ints2[places2[j, 1]], _times(-1.0, n))
             lines[k, 2] = _dot(n, d)
@@ -2152,14 +2152,14 @@ def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, 
     """
     found, used = np.empty((64, 3)), 0
     most = 2 * len(members) + 2  # one that grazes leaves a point besides
-    left, room = np.empty((most, 2)), np.empty((most, 2))
+    rest, room = np.empty((most, 2)), np.empty((most, 2))
     for cell in range(len(cells)):
         for m in range(shares[cell], shares[cell + 1]):
             own = members[m]
             for piece in range(piece_starts[own], piece_starts[own + 1]):
                 base, travel = (pieces[piece, 0], pieces[piece, 1]), (pieces[piece, 2], pieces[piece, 3])
-                left[0, 0], left[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
-                count = 1 if left[0, 0] < left[0, 1] else 0
+                rest[0, 0], rest[0, 1] = _within(base, travel, pieces[piece, 4], pieces[piece, 5], cells[cell])
+                count = 1 if rest[0, 0] < rest[0, 1] else 0
                 scale = max(np.abs(base[0]) + np.abs(base[1]), limits[3])
                 for k in range(shares[cell], shares[cell + 1]):
                     other = members[k]
@@ -2167,11 +2167,11 @@ def stretches(lines, line_starts, pieces, piece_starts, cells, members, shares, 
                         break
                     if other != own and line_starts[other] < line_starts[other + 1]:  # not an empty one
                         lo, hi = interval(lines[line_starts[other] : line_starts[other + 1]], base, travel, limits)
-                        count = take_out(left, room, count, lo, hi, limits[1], scale, True)
+                        count = take_out(rest, room, count, lo, hi, limits[1], scale, True)
                 if used + count > len(found):
                     found = _longer(found, 2 * len(found) + count)
                 for k in range(count):
-                    found[used, 0], found[used, 1], found[used, 2] = piece, left[k, 0], left[k, 1]
+                    found[used, 0], found[used, 1], found[used, 2] = piece, rest[k, 0], rest[k, 1]
                     used += 1
     return found[:used]
 

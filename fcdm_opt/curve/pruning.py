@@ -79,10 +79,10 @@ def relevant_pairs(
                 continue
             beyond, level = pairs.inside(code, codes, cell)
             # of those that end with it the first stays, whichever was tried
-            left = (codes == code) | beyond | (level & (codes < code))
-            if (level & ~left).any():
+            chosen = (codes == code) | beyond | (level & (codes < code))
+            if (level & ~chosen).any():
                 shared.add(code)
-            codes, depths = codes[left], depths[left]
+            codes, depths = codes[chosen], depths[chosen]
         if len(codes) > _FEW and depth < _DEPTH:
             x0, x1, y0, y1 = cell
             x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -173,7 +173,7 @@ def pairs_further(rows, R, vertices1, starts1, vertices2, starts2, codes, own, c
     """
     x0, x1, y0, y1 = cell[0], cell[1], cell[2], cell[3]
     n1, n2 = len(starts1) - 1, len(starts2) - 1
-    told = np.zeros((2, len(codes)), np.bool_)
+    flags = np.zeros((2, len(codes)), np.bool_)
     here, there = np.empty(n1), np.empty(n2)
     for m in range(len(rows)):
         a, b = rows[m, 3], rows[m, 4]
@@ -193,11 +193,11 @@ def pairs_further(rows, R, vertices1, starts1, vertices2, starts2, codes, own, c
         for k in range(len(codes)):
             p, q = here[codes[k] // n2] - one, there[codes[k] % n2] - two
             most = max(p * x0, p * x1) + max(q * y0, q * y1)
-            told[0, k] |= most > line
-            told[1, k] |= most > -slack
+            flags[0, k] |= most > line
+            flags[1, k] |= most > -slack
     for k in range(len(codes)):
-        told[1, k] &= not told[0, k]
-    return told
+        flags[1, k] &= not flags[0, k]
+    return flags
 
 
 @step

@@ -145,7 +145,7 @@ class Region:
         # boundary
         if self._walked or self.state == kernels.GRAZING:
             return self.status == "empty"
-        sizes = np.array([*self._reach, np.linalg.norm(self.pose[9:])])
+        sizes = np.array([*self._circumradii, np.linalg.norm(self.pose[9:])])
         return bool((self.facet_rows[:, 3:] * [1.0, 1.0, -1.0] <= DEFAULT.planarity * sizes).all(axis=1).any())
 
     @cached_property
@@ -154,9 +154,9 @@ class Region:
         return kernels.facet_rows(*self.one.packed, *self.two.packed, self.pose)[1]
 
     @property
-    def _reach(self) -> Array:
+    def _circumradii(self) -> Array:
         """Largest distance of a vertex from the seed of either part, (2,)."""
-        return np.array([self.one.reach, self.two.reach])
+        return np.array([self.one.circumradius, self.two.circumradius])
 
     @property
     def surely_empty(self) -> bool:
@@ -217,7 +217,7 @@ class Region:
             return np.ones(len(pairs), np.int64)
         lines = self.lines
         values = lines[:, 2] - pairs @ lines[:, :2].T
-        near = DEFAULT.sign * (float(np.linalg.norm(self.pose[9:])) + pairs @ self._reach)[:, None]
+        near = DEFAULT.sign * (float(np.linalg.norm(self.pose[9:])) + pairs @ self._circumradii)[:, None]
         found = np.asarray((values > near).any(axis=1), np.int64)
         found[(values < -near).all(axis=1)] = 0 if self.status == "empty" else -1
         for k in np.flatnonzero(found == 0):
@@ -309,7 +309,7 @@ class Region:
         """Return the contact at a scale pair on the curve, features within `planarity` taken as one."""
         # of two faces within `planarity` of each other it stays the one that exact numbers name
         rows = self.facet_rows
-        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._reach)
+        slack = DEFAULT.planarity * (np.linalg.norm(self.pose[9:]) + rho @ self._circumradii)
         tight = np.abs(rows[:, 5] - rows[:, 3:5] @ rho) <= slack
         if not tight.any():
             return strict

@@ -95,7 +95,7 @@ class SwitchingPoint(Plain):
         Of the segments before and after it; of two contacts there where it is alone.
     lines : (2, 3) array
         Their contact lines.
-    contacts_beside : tuple of two Contact
+    adjacent_contacts : tuple of two Contact
         What touches along them.
     pieces : tuple of two Piece
         The pieces of the part pairs that meet.
@@ -113,7 +113,7 @@ class SwitchingPoint(Plain):
     rho: Array
     features: tuple[Feature, Feature]
     lines: Array
-    contacts_beside: tuple[Contact, Contact]
+    adjacent_contacts: tuple[Contact, Contact]
     pieces: tuple[Piece, Piece]
     bodies: tuple[Body, Body]
     pose: Array
@@ -146,7 +146,7 @@ class SwitchingPoint(Plain):
         if before.parts == after.parts and before.corner:
             known = [Meeting(before.parts, before.corner)]
         else:
-            sides = zip(self.pieces, self.contacts_beside, strict=True)
+            sides = zip(self.pieces, self.adjacent_contacts, strict=True)
             known = [Meeting(piece.parts, contact) for piece, contact in sides]
             merged = before.feature.merged(after.feature)
             one, two = (shared(self.bodies, self.pose, own, self.rho).mean(axis=0) for own in known)
@@ -239,18 +239,18 @@ def clipped(piece: Piece, box: Box) -> tuple[Array, Array] | None:
     """Return the ends of the stretch of a piece inside the box, None if there is none of positive length."""
     limits = np.array(box, dtype=np.float64).ravel()
 
-    def left(start: Array, end: Array, endless: bool) -> tuple[Array, Array] | None:
+    def inside(start: Array, end: Array, endless: bool) -> tuple[Array, Array] | None:
         with np.errstate(all="ignore"):
             some, *ends = kernels.clip(start, end, endless, piece.line, limits, DEFAULT.point)
         return (frozen(ends[:2]), frozen(ends[2:])) if some else None
 
     if np.isfinite(piece.lo) and np.isfinite(piece.hi):
-        return left(piece.start, piece.end, False)
+        return inside(piece.start, piece.end, False)
     if np.isfinite(piece.lo):
-        return left(piece.start, piece.travel, True)
+        return inside(piece.start, piece.travel, True)
     anchor = piece.end if np.isfinite(piece.hi) else piece.base
-    before = left(anchor, -piece.travel, True)
-    after = None if np.isfinite(piece.hi) else left(anchor, piece.travel, True)
+    before = inside(anchor, -piece.travel, True)
+    after = None if np.isfinite(piece.hi) else inside(anchor, piece.travel, True)
     if before and after:
         return before[1], after[1]
     return (before[1], before[0]) if before else after

@@ -68,8 +68,8 @@ def choices(point: SwitchingPoint) -> tuple[tuple[Feature, Feature], ...]:
         return ()
     for k, (one, two) in enumerate(combinations(lines, 2)):
         (i, j), others = one.parts, two.parts
-        beside = edge_and_corner(one.site, two.site, movable.parts[i], static.parts[j])
-        if (k == 0 or (i, j) != others or beside is not None) and not parallel(one.line, two.line):
+        common = edge_and_corner(one.site, two.site, movable.parts[i], static.parts[j])
+        if (k == 0 or (i, j) != others or common is not None) and not parallel(one.line, two.line):
             found.append((one.feature, two.feature))
     return tuple(found)
 
@@ -98,8 +98,8 @@ def _common_edge(one: tuple[int, int, int], two: tuple[int, int, int], own: int,
         (edge,) = edges
         return edge if faces <= set(part.edges[edge, 2:].tolist()) else None
     if len(faces) == 2:
-        beside = np.flatnonzero((np.sort(part.edges[:, 2:], axis=1) == sorted(faces)).all(axis=1))
-        return int(beside[0]) if len(beside) else None
+        common = np.flatnonzero((np.sort(part.edges[:, 2:], axis=1) == sorted(faces)).all(axis=1))
+        return int(common[0]) if len(common) else None
     return None
 
 

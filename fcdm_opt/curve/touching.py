@@ -49,9 +49,9 @@ def touching_vertices(reals1, ints1, reals2, ints2, pose, rho, normal, slack):
             corners = X if side == 0 else Y
             count = len(corners)
             for k in range(count if count > 2 else 4 if count == 2 else 0):
-                way = _minus(_at(corners, (k + 1) % count), _at(corners, k % count))
+                edge = _minus(_at(corners, (k + 1) % count), _at(corners, k % count))
                 # both run round so that this points from 1 to 2; across and along a segment either way is tried
-                w = _cross(way, n) if count > 2 or k < 2 else way
+                w = _cross(edge, n) if count > 2 or k < 2 else edge
                 w = _times(1.0 / _length(w), w)
                 highest, lowest = _highest(X, w), -_highest(Y, _times(-1.0, w))
                 if lowest - highest >= widest and (
@@ -129,14 +129,14 @@ def _count(corners, w, least):
 def _kept(own, corners, w, least):
     """Return the vertices, and their places, that are no lower than that."""
     count = _count(corners, w, least)
-    left, places, made = np.empty(count, np.int64), np.empty((count, 3)), 0
+    kept, places, made = np.empty(count, np.int64), np.empty((count, 3)), 0
     for k in range(len(corners)):
         if _dot(w, _at(corners, k)) >= least:
-            left[made] = own[k]
+            kept[made] = own[k]
             for axis in range(3):
                 places[made, axis] = corners[k, axis]
             made += 1
-    return left, places
+    return kept, places
 
 
 @light

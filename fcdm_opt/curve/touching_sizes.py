@@ -130,7 +130,7 @@ class TouchingSizes:
         if shifts is None or sizes:
             check_sizes(sizes)
         low, high = np.array([size.tolerance for size in sizes], float).reshape(-1, 2).T
-        ways, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
+        directions, ranges = (np.empty((0, 3)), np.empty((0, 2))) if shifts is None else shifts
         along = np.zeros((len(sizes), 3)) if carried is None else carried
         sides, reaches, shares = [], [], []
         for role, body in (("movable", movable), ("static", static)):
@@ -142,7 +142,7 @@ class TouchingSizes:
                     allowed='for a stack-up "xyz", or an axis that all faces are along or across; solve takes any',
                 )  # fmt: skip
             reached = moving.reaches(low[own], high[own])
-            reach = min(reached, key=lambda one: one[0])
+            lowest = min(reached, key=lambda one: one[0])
             parts = [*moving.parts]
             for k, (part, (factor, where)) in enumerate(zip(moving.parts, reached, strict=True)):
                 if factor >= 1.0:
@@ -154,14 +154,14 @@ class TouchingSizes:
                 if _is_lost(parts[k], low[own], high[own]):
                     piece = "a piece that is cut off " * (len(moving.parts) > 1) + f"body '{body.name}'"
                     raise InputError(**_beyond(moving, f"nothing may be left of {piece}", "smaller ones"))
-            if reach[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
+            if lowest[0] < 1.0 and len(moving.parts) > 1:  # where only cuts end elsewhere, all is well
                 with placed(key="sizes.tolerance"):
                     moving.check(low[own], high[own])
             R, t = (T[:3, :3], T[:3, 3]) if role == "movable" else (np.eye(3), np.zeros(3))
             factor = float(role == "movable")
             posed = [_PosedPart.of(part, own, factor * along, R, t) for part in parts]
-            sides.append([part.shifted(factor * ways) for part in posed] if len(ways) else posed)
-            reaches.append(reach)
+            sides.append([part.shifted(factor * directions) for part in posed] if len(directions) else posed)
+            reaches.append(lowest)
             shares.append(np.zeros(len(sizes)))
             shares[-1][own] = moving.shares
         box = np.vstack([np.column_stack([low, high]), ranges])
@@ -180,8 +180,8 @@ class TouchingSizes:
                     known[i, j] = _pair((i, j), sides[0][i], sides[1][j], box, size, normals.get((i, j)))
             pairs = [known[own] for own in counted]
             always = [not permanent and np.abs(np.max(_ends(own.values, box), axis=1)).max() <= slack for own in pairs]
-            held = [own for own, left in zip(pairs, always, strict=True) if left]
-            kept = [own for own, left in zip(pairs, always, strict=True) if not left]
+            held = [own for own, closes in zip(pairs, always, strict=True) if closes]
+            kept = [own for own, closes in zip(pairs, always, strict=True) if not closes]
             kept, held = (_nearest(kept, box), held) if kept else (held, [])
             closed = [placed_row(own.parts, n) for own in held for n in own.normals]
             bodies = movable, static
@@ -215,7 +215,7 @@ class TouchingSizes:
             own = [k for k, size in enumerate(self.sizes) if size.body == role]
             moving = Resizing.of(body, [self.sizes[k] for k in own])
             low, high = np.minimum(self.box[own, 0], 0.0), np.maximum(self.box[own, 1], 0.0)
-            factor, where = moving.reach(low, high)
+            factor, where = moving.valid_up_to(low, high)
             corner = np.zeros(len(own))
             if factor < np.inf and len(moving.parts) == 1 and len(body.parts[0].loops) <= MOST_TRIPLES:
                 part = moving.parts[0].with_all_corners()
@@ -438,9 +438,9 @@ class _PosedPart:
                 return "E", int(self.edge_names[rows[0]])
         return "V", int(self.names[corner])
 
-    def shifted(self, ways: Array) -> _PosedPart:
+    def shifted(self, directions: Array) -> _PosedPart:
         """Return the part with shifts along some ways, (s, 3), as sizes behind the others."""
-        wide = np.broadcast_to(ways.T, (len(self.triples), 3, len(ways)))
+        wide = np.broadcast_to(directions.T, (len(self.triples), 3, len(directions)))
         return replace(self, moves=np.concatenate([self.moves, wide], axis=2))
 
     @classmethod
@@ -734,9 +734,9 @@ def _program(rows: Array, box: Array) -> tuple[float, Array]:
     from scipy.optimize import linprog
 
     scale = max(float(np.abs(rows[:, 0]).max()), float(np.abs(box).max()), float(np.finfo(float).tiny))
-    left = np.column_stack([rows[:, 1:], -np.ones(len(rows))])
+    matrix = np.column_stack([rows[:, 1:], -np.ones(len(rows))])
     ends = [*(box / scale).tolist(), (None, None)]
-    answer = linprog([*[0.0] * len(box), 1.0], left, -rows[:, 0] / scale, bounds=ends)
+    answer = linprog([*[0.0] * len(box), 1.0], matrix, -rows[:, 0] / scale, bounds=ends)
     if answer.status:
         return np.inf, box.mean(axis=1)
     return float(answer.x[-1] * scale), np.clip(answer.x[:-1] * scale, box[:, 0], box[:, 1])

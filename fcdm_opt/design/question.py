@@ -39,7 +39,7 @@ REMEMBERED = 32  # bodies and scenes a process
 _MESH = ("file", "unit", "file_unit", "deviation", "decomposition")
 _OF_KEEP_OUTS = ("scale", "clearance")
 _OF_PARTS = tuple(key for key in PartEntry.model_fields if key not in BodyEntry.model_fields)
-_BESIDE_MESH = ("seed", "name", *_OF_KEEP_OUTS)
+_NOT_OF_MESH = ("seed", "name", *_OF_KEEP_OUTS)
 _NO_DEFAULTS = Defaults()
 _UNITS = (("_per_deg", "_per_rad"), ("_deg", "_rad"))
 _EXCLUDED = {
@@ -144,7 +144,7 @@ class BodyTable:
         data: Mapping[str, Any] = self.data
         if "file" in data and place == ("vertices",):
             data = {key: item for key, item in data.items() if key == "unit" or key not in _MESH}
-        elif "file" in data and place[0] not in (*_MESH, *_BESIDE_MESH):
+        elif "file" in data and place[0] not in (*_MESH, *_NOT_OF_MESH):
             data = self.drawn().data
         return BodyTable(put(data, place, value, dropped=excluded), self.role)
 
@@ -153,8 +153,8 @@ class BodyTable:
 def _read(text: str, role: str, stamp: tuple[int, ...], sizes: tuple[Size, ...]) -> BodyTable:
     """Return a body read from its mesh file, once a process; `stamp` tells the file from a later one."""
     table = BodyTable(json.loads(text), role)
-    beside = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
-    return BodyTable({**plain_body(fit_for_sizes(table.checked.body(role, None), sizes)), **beside}, role)
+    extras = {key: table.data[key] for key in ("unit", *_OF_KEEP_OUTS) if key in table.data}
+    return BodyTable({**plain_body(fit_for_sizes(table.checked.body(role, None), sizes)), **extras}, role)
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -190,13 +190,13 @@ class SceneTables:
 
     def to_dict(self, *, bare: bool = False) -> dict[str, Any]:
         """Return the plain data; `bare` without the unit of vertices, which is only shown."""
-        told = {place: dict(table.bare if bare else table.data) for place, table in self.tables.items()}
-        others = [told.pop(place) for place in self.tables if place.startswith("keep_out[")]
+        tables = {place: dict(table.bare if bare else table.data) for place, table in self.tables.items()}
+        others = [tables.pop(place) for place in self.tables if place.startswith("keep_out[")]
         more = {"keep_out": others} | ({"size": list(self.sizes)} if self.sizes else {})
         if not self.assembled:
-            return {"bodies": dict(zip(ROLES, told.values(), strict=True)), **more}
+            return {"bodies": dict(zip(ROLES, tables.values(), strict=True)), **more}
         rest = self.assembled["part"]
-        parts = [{**body, **rest[name]} for name, body in zip(rest, told.values(), strict=True)]
+        parts = [{**body, **rest[name]} for name, body in zip(rest, tables.values(), strict=True)]
         return {"part": parts, "contact": self.assembled["contact"], **more}
 
     @cached_property
@@ -240,9 +240,9 @@ class SceneTables:
     def kept(self) -> tuple[KeepOut, ...]:
         """The keep-outs themselves."""
         own = {place: table for place, table in self.tables.items() if place.startswith("keep_out[")}
-        told = [(body, own[place].data) for place, body in _each(own, lambda table: table.body).items()]
+        tables = [(body, own[place].data) for place, body in _each(own, lambda table: table.body).items()]
         return keep_outs(
-            [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in told]
+            [KeepOut(body, data.get("scale", 1.0), clearance=data.get("clearance", 0.0)) for body, data in tables]
         )
 
     @cached_property
@@ -347,8 +347,8 @@ class Question:
             several = AssemblyFile.read(path)
             several.check(path)
             parts, kept = ([_given(own, path.parent) for own in each] for each in (several.part, several.keep_out))
-            told = {"contact": [*map(_given, several.contact)], "size": [*map(_given, several.size)]}
-            scene = SceneTables.of({"part": parts, "keep_out": kept, **told})
+            tables = {"contact": [*map(_given, several.contact)], "size": [*map(_given, several.size)]}
+            scene = SceneTables.of({"part": parts, "keep_out": kept, **tables})
             return tuple(cls(scene, _given(case)) for case in several.case)
         file = ProblemFile.read(path)
         cases = file.named_cases(path).values()
@@ -379,7 +379,7 @@ class Question:
         """
         scene, case = self.scene, self.case
         places = {parse(text): value for text, value in values.items()}
-        together = {place[: k + 1] for place in places for k in range(len(place))}
+        prefixes = {place[: k + 1] for place in places for k in range(len(place))}
         for place, value in places.items():
             given = plain_value(value)
             if place[0] in ("bodies", "part", "contact", "size") or (place[0] == "keep_out" and len(place) > 1):
@@ -387,7 +387,7 @@ class Question:
             else:
                 if place[0] == "made" and len(place) > 1 and isinstance(case.get("made"), str):  # a corner, by its word
                     case = {**case, "made": plain_value(self.problem().made)}
-                case = put(case, place, given, kept=together, dropped=excluded)
+                case = put(case, place, given, kept=prefixes, dropped=excluded)
         if not scene.assembled:
             changed = {place[0] for place in places}
             own = {key: value for key, value in case.items() if key in changed}

@@ -96,8 +96,8 @@ def chosen(situation: Situation) -> Choice:
     no time was left is none. Translations along one axis come before those along three wherever they are as small, and
     rotations after both.
     """
-    together = len(situation.places) > 1 and not situation.large
-    for goal in ("seat", "at") if together else ():
+    several = len(situation.places) > 1 and not situation.large
+    for goal in ("seat", "at") if several else ():
         pacing.at(f'trying goal "{goal}" of all contacts together')
         every = _tried(situation, goal, ANY_SHIFT, "all")
         if every is not None and every.settled and (len(situation.sides) > 1 or not every.unfit):
@@ -146,14 +146,14 @@ def _on_one_side(situation: Situation) -> Choice | None:
     """
     start = perf_counter()
     best: Choice | None = None
-    told = {feature: feature.told(situation.movable, situation.static) for feature in situation.contacts}
-    sides = situation.sides[:MOST_SIDES] if len(told) > 1 or situation.large else ()
+    labels = {feature: feature.described(situation.movable, situation.static) for feature in situation.contacts}
+    sides = situation.sides[:MOST_SIDES] if len(labels) > 1 or situation.large else ()
     along = [(Translation(named(normal)), normal, features) for normal, features in sides]
     for motion, normal, features in (*along, *((ANY_SHIFT, *side) for side in sides)):
         if (best is not None and (best.settled or perf_counter() - start > SECONDS)) or pacing.over():
             break
         pacing.at(f"trying to seat what faces {named(normal)}")
-        names = (told[own] if list(told.values()).count(told[own]) == 1 else own.label for own in features)
+        names = (labels[own] if list(labels.values()).count(labels[own]) == 1 else own.label for own in features)
         tried = _tried(situation, "seat", motion, tuple(names))
         if tried is not None and tried.usable and (best is None or len(tried.usable) > len(best.usable)):
             best = tried

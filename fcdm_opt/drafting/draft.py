@@ -24,7 +24,7 @@ from fcdm_opt.drafting.choice import ANY_SHIFT, NOISE, TOLERANCE, Choice, chosen
 from fcdm_opt.drafting.situation import DRAWN, WIDE, Situation, rounded
 from fcdm_opt.errors import InputError, counted, known_word
 from fcdm_opt.geometry.arrays import Array, groups_of
-from fcdm_opt.geometry.bodies import Body, told_solids
+from fcdm_opt.geometry.bodies import Body, solids_notes
 from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_rounded, round_surfaces
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
@@ -78,8 +78,8 @@ BECAUSE = {
     ("overlapping", "clear"): "overlapping as drawn, the parts are to come apart",
 }
 """Why a goal is proposed, by how the parts lie."""
-TOGETHER = "as drawn the parts touch at {}, and shifts restore them all"
-ONE_WAY = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
+ALL_RESTORED = "as drawn the parts touch at {}, and shifts restore them all"
+ONE_DIRECTION = "as drawn the parts touch at {}, no shift restores all of them in every case; {} kept"
 SAME_DIRECTION = "as drawn the parts touch at {}, all of which face one way and are to touch again"
 OTHERWISE = "what the drawing asks for first has no solution in any of the four cases"
 WORDS = {
@@ -234,7 +234,7 @@ def remarks(situation: Situation, unit: str) -> list[str]:
         found.append(f"the parts are {situation.gap:.4g} {unit} apart: are both drawn in one frame?")
     if nearly(situation) and not _amid_play(situation):
         found.append(f"the parts nearly touch ({signed(situation.gap, 3)} {unit}). {_remedy(situation, unit)}")
-    return [*found, *told_solids((one, two))]
+    return [*found, *solids_notes((one, two))]
 
 
 def nearly(situation: Situation) -> bool:
@@ -287,12 +287,12 @@ def _because(situation: Situation, choice: Choice) -> str:
         fitting = (
             f" in every case but {' and '.join(choice.unfit)}, in which the parts do not fit" if choice.unfit else ""
         )
-        return TOGETHER.format(counted(len(situation.places), "place")) + fitting
+        return ALL_RESTORED.format(counted(len(situation.places), "place")) + fitting
     why = BECAUSE.get((situation.fit, choice.goal), OTHERWISE)
     if choice.contacts and len(situation.places) > 1:
         count = len(choice.contacts)
         kept = "the one that the motion goes along is" if count == 1 else f"the {count} that face one way are"
-        text = ONE_WAY if count < len(situation.places) else SAME_DIRECTION
+        text = ONE_DIRECTION if count < len(situation.places) else SAME_DIRECTION
         why = text.format(counted(len(situation.places), "place"), kept)
     if choice.motion.steps == (Translation(named(situation.normal)),) and not situation.on_round_face:
         why += ", and along the contact's normal is the shortest way"
@@ -393,8 +393,8 @@ def _limits(situation: Situation, choice: Choice, motion: Motion) -> str:
     """Return limits of a motion that keep it short, but hold what was found to be needed."""
     shifts = [name for name, kind in choice.motion.parameters if kind == "translation"]
     longest = max((abs(answer.parameters[name]) for answer in choice.usable.values() for name in shifts), default=0.0)
-    reach = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
-    return parameter_table(motion, f"[{-reach!r}, {reach!r}]", "[-10, 10]")
+    bound = rounded(max(min(situation.movable.size, situation.static.size) / 2.0, longest), math.ceil)
+    return parameter_table(motion, f"[{-bound!r}, {bound!r}]", "[-10, 10]")
 
 
 # --------------------------------------------------------------------------------------------------- parts of the text
@@ -461,8 +461,8 @@ def widths(body: Body, most: int = 8) -> list[tuple[tuple[str, ...], str, str, f
     for name in [own for own in round_ones if own not in following][:most]:
         kind, _, radius, *number = name.split()
         width = 2.0 * float(radius)
-        called = " ".join((kind, (told := f"diameter {width:.6g}"), *number))
-        offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, told)
+        called = " ".join((kind, (diameter := f"diameter {width:.6g}"), *number))
+        offered((name,), width if kind in ROUND_KINDS[::2] else -width, called, diameter)
     plain = np.array([k for k, name in enumerate(names) if " radius " not in name], np.int64)
     plain = plain if len(plain) <= MOST_FACES else plain[:0]
     turned = np.abs(normals[plain] - normals[plain, None]).max(axis=2)
@@ -596,7 +596,7 @@ def quoted(path: str | Path) -> str:
 
 def short(features: Sequence[Feature], bodies: tuple[Body, Body]) -> str:
     """Return the labels of contacts of two bodies, the first ones where all are very long: "... and 3 more"."""
-    return _listed([own.told(*bodies) for own in features], " and ", LONGEST)
+    return _listed([own.described(*bodies) for own in features], " and ", LONGEST)
 
 
 def _listed(names: Sequence[str], between: str = ", ", longest: int = SHORT_LIST) -> str:

@@ -21,7 +21,7 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import all_recognised, facet_errors, gaps_off, is_plane_there, round_surfaces
 from fcdm_opt.geometry.measures import cross, norms
-from fcdm_opt.geometry.naming import is_round, told_element
+from fcdm_opt.geometry.naming import element_text, is_round
 from fcdm_opt.geometry.patches import NearestPoints, patches_of_element, true_faces
 from fcdm_opt.geometry.solids import depth_as_drawn
 from fcdm_opt.model.true_faces import where_nearest
@@ -118,7 +118,7 @@ class Situation:
         """Where the parts touch as drawn, in words, each once: of two round faces facets and edges are one place."""
         one, two = self.movable, self.static
         met = [(each.one, each.two) for each in self.contacts] or self._true_faces_met
-        pairs = dict.fromkeys((told_element(one, mine), told_element(two, its)) for mine, its in met)
+        pairs = dict.fromkeys((element_text(one, mine), element_text(two, its)) for mine, its in met)
         faces = [pair for pair in pairs if is_round(pair[0]) and not any(own.startswith("edge") for own in pair)]
         edges = {pair for pair in pairs for face in faces if face != pair and all(map(contains, pair, face))}
         return [f"{mine} of {one.name} at {its} of {two.name}" for mine, its in pairs if (mine, its) not in edges]
@@ -357,7 +357,7 @@ def _facing(part: ConvexPart, direction: Array) -> list[Array]:
     return [normal for normal in part.normals if float(np.linalg.norm(normal - direction)) <= UNMEANT]
 
 
-def rounded(scale: float, way: Callable[[float], int]) -> float:
+def rounded(scale: float, rounding: Callable[[float], int]) -> float:
     """Return a scale with two digits, rounded up or down: a border of what is shown need not be finer."""
     unit = 10.0 ** (math.floor(math.log10(scale)) - 1)
-    return float(f"{way(round(scale / unit, 6)) * unit:.3g}")  # 1.1 / 0.1 is above 11 in floats
+    return float(f"{rounding(round(scale / unit, 6)) * unit:.3g}")  # 1.1 / 0.1 is above 11 in floats

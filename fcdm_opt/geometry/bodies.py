@@ -37,7 +37,7 @@ from fcdm_opt.geometry.elements import Element, Elements, own_elements, pyramid_
 from fcdm_opt.geometry.hull import convex_hull
 from fcdm_opt.geometry.measures import largest_ball, volume_and_centroid
 from fcdm_opt.geometry.mesh import SEVERAL, Mesh, checked_mesh
-from fcdm_opt.geometry.packing import packed, packed_together
+from fcdm_opt.geometry.packing import packed, packed_in_one
 from fcdm_opt.geometry.polygons import clipped, fans, normals_of, uncovered
 from fcdm_opt.geometry.pyramids import Pyramids
 from fcdm_opt.geometry.surface import Surface
@@ -137,7 +137,7 @@ class ConvexPart(_Sealed):
         return frozen(table, np.int64)
 
     @cached_property
-    def reach(self) -> float:
+    def circumradius(self) -> float:
         """Largest distance of a vertex from the seed."""
         return float(np.linalg.norm(self.vertices - self.seed, axis=1).max())
 
@@ -463,14 +463,14 @@ class Body(_Sealed, NotebookRepr):
             body = cls._of_mesh(mesh, decomposition, origin)
         except InputError as reason:
             try:  # each may be a solid by itself
-                alone = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]
-                made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in alone]
+                single = [f"{path}#{solid}" for solid in read.solids if decomposition in ("auto", "exact")]
+                made = [cls.from_file(own, unit=unit, file_unit=file_unit, deviation=deviation) for own in single]
             except InputError:
                 made = []
             if not made or any(own.is_surface for own in made):
-                several = next((f"; {told}" for told in read.remarks if SEVERAL in told), "")
-                told = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
-                raise told.within(file=path) from reason.__cause__
+                several = next((f"; {text}" for text in read.remarks if SEVERAL in text), "")
+                error = InputError(reason.what + several, key=reason.key, found=reason.found, allowed=reason.allowed)
+                raise error.within(file=path) from reason.__cause__
             body = cls._side_by_side(made, seed, own_name)
             return replace(body, rounding=read.rounding, notes=(*body.notes, *read.remarks), unit=unit)
         out, short = body.deviation
@@ -515,8 +515,8 @@ class Body(_Sealed, NotebookRepr):
         pacing.at(f"joining {len(parts)} convex parts of the solids in {name}")
         body = cls.from_parts(parts, seed=seed, name=name)
         off = np.max([own.deviation for own in solids], axis=0)
-        told = f"{len(parts)} parts of {', '.join(own.name for own in solids)}: {note}"
-        return replace(body, deviation=_deviation(off, name), notes=(told,))
+        text = f"{len(parts)} parts of {', '.join(own.name for own in solids)}: {note}"
+        return replace(body, deviation=_deviation(off, name), notes=(text,))
 
     @classmethod
     def _made(
@@ -543,7 +543,7 @@ class Body(_Sealed, NotebookRepr):
         ]
         origin = _seed(seed, points, unseeded, name)
         parts = tuple(replace(part, seed=origin) for part in unseeded)
-        drawn = surface.outlines if surface is not None else given
+        drawn = surface.loops if surface is not None else given
         outlines = faces if drawn is None else tuple(tuple(row + 1 for row in face) for face in drawn)
         triangles = () if surface is None or apart else surface.triangles_of_faces()
         return cls(name, frozen(points), origin, parts, faces, outlines, triangles=triangles)
@@ -562,7 +562,7 @@ class Body(_Sealed, NotebookRepr):
             ConvexPart(frozen(made.points[hull.used]), seed, hull.loops, hull.edges, named)
             for hull, named in zip(made.hulls, elements, strict=True)
         )
-        outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.outlines)
+        outlines = tuple(tuple(row + 1 for row in face) for face in made.surface.loops)
         triangles = made.surface.triangles_of_faces()
         points = frozen(made.points)
         off = moved, moved
@@ -711,8 +711,8 @@ class Body(_Sealed, NotebookRepr):
 
     @cached_property
     def packed(self) -> tuple[Array, Ints, Ints]:
-        """Arrays of all parts that the kernels take, see `packing.packed_together`."""
-        return packed_together(self.parts)
+        """Arrays of all parts that the kernels take, see `packing.packed_in_one`."""
+        return packed_in_one(self.parts)
 
     def with_triangles(self, triangles: tuple[tuple[tuple[int, ...], ...], ...]) -> Body:
         """Return the same body with the triangles of its faces known, rows of `vertices`: parts lie on these faces."""
@@ -946,7 +946,7 @@ def _deviation(lengths: Any, name: str) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def told_solids(bodies: Iterable[Body]) -> list[str]:
+def solids_notes(bodies: Iterable[Body]) -> list[str]:
     """Return for each body that is several solids how many these are, and how to have one of a file alone."""
     return [f"{body.name}: {note}" for body in bodies for note in body.notes if SEVERAL in note]
 

@@ -226,9 +226,9 @@ class Arrangement:
         made = [self.cut(a, b, plane) for a, b in zip(*ends, strict=True)]
 
         def part(strictly: Flags, out: Flags, side: int) -> Cell:
-            left = on[:, strictly].any(axis=1)  # else no more than an edge of that face is left, on the cut
+            kept = on[:, strictly].any(axis=1)  # else no more than an edge of that face is left, on the cut
             points = np.unique([*cell.points[~out].tolist(), *made])
-            whole = Cell(points, np.append(cell.planes[left], plane), np.append(cell.sides[left], side))
+            whole = Cell(points, np.append(cell.planes[kept], plane), np.append(cell.sides[kept], side))
             return self.pruned(whole, self.signs[plane, points] == 0)
 
         return part(below, above, 1), part(above, below, -1)

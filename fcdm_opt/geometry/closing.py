@@ -283,8 +283,8 @@ def simplified(points: Array, triangles: Ints, off: float, most: float) -> Joine
     fallen = every[np.setdiff1d(old, new)]
     added = np.setdiff1d(_edges(new, len(every)), _edges(old, len(every)))
     a, b = every[added // len(every)], every[added % len(every)]
-    beside = np.concatenate([(1.0 - share) * a + share * b for share in (0.25, 0.5, 0.75)])
-    far = max(_farthest(fallen, every[new], most), _farthest(beside, every[old], most))
+    samples = np.concatenate([(1.0 - share) * a + share * b for share in (0.25, 0.5, 0.75)])
+    far = max(_farthest(fallen, every[new], most), _farthest(samples, every[old], most))
     if far > most:
         return None
     remark = (

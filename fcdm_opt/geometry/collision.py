@@ -113,10 +113,10 @@ class ScaledPair:
         """Return the same of part i of body 1 and part j of body 2 alone."""
         if self.count == 1:
             return self
-        alone = copy(self)
-        alone._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
-        alone._solids = [self._solids[0][i]], [self._solids[1][j]]
-        return alone
+        single = copy(self)
+        single._hulls = [[self._hulls[0][i]], [self._hulls[1][j]]]
+        single._solids = [self._solids[0][i]], [self._solids[1][j]]
+        return single
 
     def direction(self, rho: ArrayLike, transform: Array) -> Array:
         """Return the unit direction from the first part of body 1 to that of body 2 in which they are nearest."""
@@ -146,7 +146,7 @@ class ScaledPair:
         frames = self._framed(pairs, transforms)
         return self._least(frames, settled) * frames[:, judging.UNIT]
 
-    def both_ways(self, pairs: ArrayLike, transforms: Array) -> tuple[Array, Array]:
+    def distances_and_separations(self, pairs: ArrayLike, transforms: Array) -> tuple[Array, Array]:
         """Return `signed_distances` and `least_separations`, (k,) each; arguments as there."""
         frames = self._framed(pairs, transforms)
         unit = frames[:, judging.UNIT]
@@ -184,10 +184,10 @@ class ScaledPair:
         """Return coal's least signed distance over the part pairs in each frame, the nearest asked first; units."""
         # asked as long as any can be less; nan stays
         first, second = self._hulls
-        known, alone = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
-        if alone and settled is None and known.all():
+        known, single = ~np.isnan(frames[:, 0]), len(first) == len(second) == 1
+        if single and settled is None and known.all():
             return self._asked(first[0], second[0], frames)
-        if alone:
+        if single:
             bounds = np.where(known[:, None], -np.inf, np.nan)
         else:
             bounds = judging.nearness(*self._solids, frames).reshape(len(frames), -1)
@@ -390,8 +390,8 @@ def _towards(one: _Hull, two: _Hull, frame: _Frame) -> Array:
         if len(one.edges) * len(two.edges) > EXHAUSTIVE:
             return -frame.offset
         return np.asarray(judging.widest_gaps(*one.solid[:4], *two.solid[:4], frame.row[None], True)[0, 1:])
-    way = least_vector(n[apart], gaps[apart])
-    return n[apart[gaps[apart].argmax()]] if way is None else way / np.linalg.norm(way)
+    direction = least_vector(n[apart], gaps[apart])
+    return n[apart[gaps[apart].argmax()]] if direction is None else direction / np.linalg.norm(direction)
 
 
 def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
@@ -399,15 +399,15 @@ def _nearest(one: _Hull, two: _Hull, frame: _Frame) -> tuple[Ints, Ints]:
     # Wolfe's method, of the hull of all differences y - x: of the vertices that hold its point nearest to zero and the
     # one that lies furthest back along it, that point is found anew
     X, Y = frame.offset + frame.scales[0] * one.points @ frame.R.T, frame.scales[1] * two.points
-    way, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
+    offset, held = Y[0] - X[0], np.zeros((1, 2), dtype=np.int64)
     for _ in range(MOST):
-        furthest = (X @ way).argmax(), (Y @ way).argmin()
-        if way @ way - way @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(way @ way):
+        furthest = (X @ offset).argmax(), (Y @ offset).argmin()
+        if offset @ offset - offset @ (Y[furthest[1]] - X[furthest[0]]) <= DEFAULT.judge_gjk * np.sqrt(offset @ offset):
             break
         held = np.vstack([held, furthest])
         differences = Y[held[:, 1]] - X[held[:, 0]]
         shares = nearest_mixture(differences)
-        held, way = held[shares > 0.0], shares @ differences
+        held, offset = held[shares > 0.0], shares @ differences
     return np.unique(held[:, 0]), np.unique(held[:, 1])
 
 

@@ -24,7 +24,7 @@ ROUNDING = 16 * float(np.finfo(float).eps)  # of inner products of differences, 
 BLOCK = 1 << 18  # pairs looked at together
 FEW_PAIRS = 1 << 18  # of boxes, up to which all are compared
 CELLS = 1 << 16  # along each axis, of the curve that boxes are ordered along
-SEVERAL, SPARE = -1, -2  # in place of the group of a node's boxes: there are several, there is none
+SEVERAL, EMPTY = -1, -2  # in place of the group of a node's boxes: there are several, there is none
 
 
 class Crossing(NamedTuple):
@@ -106,26 +106,26 @@ def _crossing_apart(points: Array, triangles: Ints) -> Iterator[tuple[Ints, Ints
             for other in triangles.T:
                 apart = column[one] != other[two]
                 one, two = one[apart], two[apart]
-        left = not_separated(points[triangles[one]], points[triangles[two]])
-        yield one[left], two[left]
+        kept = not_separated(points[triangles[one]], points[triangles[two]])
+        yield one[kept], two[kept]
 
 
 def not_separated(one: Array, two: Array) -> Ints:
     """Return the pairs of triangles, (m, 3, 3), that no plane across an axis keeps apart by more than rounding."""
     # across a triangle, along a side of both, or through a side and across its triangle
     one, two = one - one[:, :1], two - one[:, :1]
-    reach = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
-    ways = np.concatenate([following(own) - own for own in (one, two)], axis=1)
-    normals = np.stack([cross(ways[:, 0], ways[:, 1]), cross(ways[:, 3], ways[:, 4])], axis=1)
-    ways, left = np.concatenate([ways, normals], axis=1), np.arange(len(one))
+    extent = np.sqrt(np.maximum(dots(one, one).max(axis=1), dots(two, two).max(axis=1)))
+    directions = np.concatenate([following(own) - own for own in (one, two)], axis=1)
+    normals = np.stack([cross(directions[:, 0], directions[:, 1]), cross(directions[:, 3], directions[:, 4])], axis=1)
+    directions, candidates = np.concatenate([directions, normals], axis=1), np.arange(len(one))
     sides = product(range(3), range(3, 6))
     for i, j in ((0, 1), (3, 4), *sides, (6, 0), (6, 1), (6, 2), (7, 3), (7, 4), (7, 5)):
-        axis = cross(ways[left, i], ways[left, j])
-        heights = ([dots(own[left, k], axis) for k in range(3)] for own in (one, two))
+        axis = cross(directions[candidates, i], directions[candidates, j])
+        heights = ([dots(own[candidates, k], axis) for k in range(3)] for own in (one, two))
         (low, high), (under, over) = ((reduce(np.minimum, own), reduce(np.maximum, own)) for own in heights)
         gap = np.maximum(under - high, low - over)
-        left = left[~(gap > ROUNDING * reach[left] * norms(axis))]
-    return left
+        candidates = candidates[~(gap > ROUNDING * extent[candidates] * norms(axis))]
+    return candidates
 
 
 def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, Ints]]:
@@ -133,20 +133,20 @@ def overlapping(low: Array, high: Array, groups: Ints) -> Iterator[tuple[Ints, I
     depth = max(1, len(low) - 1).bit_length()
     leaves, order = 1 << depth, _along_curve(low + high)
     lows, highs = np.full((2 * leaves, low.shape[1]), np.inf), np.full((2 * leaves, low.shape[1]), -np.inf)
-    alone = np.full(2 * leaves, SPARE)
+    group = np.full(2 * leaves, EMPTY)
     own = slice(leaves, leaves + len(low))
-    lows[own], highs[own], alone[own] = low[order], high[order], groups[order]
+    lows[own], highs[own], group[own] = low[order], high[order], groups[order]
     for level in reversed(range(depth)):
         nodes = slice(1 << level, 2 << level)
         first, second = slice(2 << level, 4 << level, 2), slice((2 << level) + 1, 4 << level, 2)
         lows[nodes], highs[nodes] = np.minimum(lows[first], lows[second]), np.maximum(highs[first], highs[second])
-        same = (alone[first] == alone[second]) | (alone[second] == SPARE)
-        alone[nodes] = np.where(same, alone[first], SEVERAL)
+        same = (group[first] == group[second]) | (group[second] == EMPTY)
+        group[nodes] = np.where(same, group[first], SEVERAL)
     stack, count = np.empty((4 * depth + 4, 2), np.int64), 1
     stack[0] = 1
     while count:
         found = np.empty((BLOCK, 2), np.int64)
-        count, got = overlaps(lows, highs, alone, stack, count, found)
+        count, got = overlaps(lows, highs, group, stack, count, found)
         pairs = order[found[:got] - leaves]
         yield pairs[:, 0], pairs[:, 1]
 
@@ -174,16 +174,16 @@ def _along_curve(places: Array) -> Ints:
 
 
 @kernel
-def overlaps(lows, highs, alone, stack, count, found):
+def overlaps(lows, highs, group, stack, count, found):
     """Fill in pairs of leaves whose boxes overlap, from the pairs of nodes that are left; return how many are of each.
 
-    Node 1 is the root and node k has the halves 2 k and 2 k + 1. `alone` is the one group of a node's leaves.
+    Node 1 is the root and node k has the halves 2 k and 2 k + 1. `group` is the one group of a node's leaves.
     """
     leaves, got = len(lows) // 2, 0
     while count > 0 and got < len(found):
         count -= 1
         i, j = stack[count, 0], stack[count, 1]
-        if alone[i] == alone[j] and alone[i] != SEVERAL:
+        if group[i] == group[j] and group[i] != SEVERAL:
             continue
         if i != j:
             apart = False

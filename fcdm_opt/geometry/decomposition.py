@@ -227,10 +227,10 @@ class _Solid(NamedTuple):
     def of(cls, mesh: Mesh) -> _Solid:
         used = np.unique(mesh.triangles)
         space = Arrangement(mesh.vertices, used)
-        outlines = [space.local[list(face)] for face in mesh.faces]
+        loops = [space.local[list(face)] for face in mesh.faces]
         normals = normals_of(space.local, mesh.faces)
-        largest = np.argsort([-area(outline) for outline in outlines], kind="stable")
-        levels = (normals * [outline.mean(axis=0) for outline in outlines]).sum(axis=1)
+        largest = np.argsort([-area(loop) for loop in loops], kind="stable")
+        levels = (normals * [loop.mean(axis=0) for loop in loops]).sum(axis=1)
         polygons = [mesh.faces[k] for k in largest.tolist()]
         plane = np.empty(len(mesh.faces), np.int64)
         for group in coplanar(space.local, polygons, normals[largest], levels[largest], space.slack):
@@ -377,18 +377,18 @@ def _farthest(triangles: Array, surface: Array, contains: Callable[[Array], Flag
         bounds = distances(triangles[:, None], surface[owners[nearest]]).max(axis=2).min(axis=1)
         if work > min(MOST_PIECES, MOST_LOOKS / len(surface)):  # what is known so far holds for them all
             return max(closed, float(bounds.max()))
-        left = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
-        within, radii = contains(centres[left]), norms(triangles[left] - centres[left, None]).max(axis=1)
+        pending = np.flatnonzero(bounds > max(FINEST, (1 + SHARE) * known))
+        within, radii = contains(centres[pending]), norms(triangles[pending] - centres[pending, None]).max(axis=1)
         # exactly: of all triangles that may be nearer than the nearest sample
-        found = tree.query_ball_point(centres[left], off[left, 0] + SPACING)
+        found = tree.query_ball_point(centres[pending], off[pending, 0] + SPACING)
         there = np.array(
             [
                 distances(x[None, None], surface[np.unique(owners[own])]).min()
-                for x, own in zip(centres[left], found, strict=True)
+                for x, own in zip(centres[pending], found, strict=True)
             ]
         )
-        bounds[left] = np.minimum(bounds[left], np.where(within, 0.0, there) + radii)
-        bounds[left[within & (there > radii)]] = 0.0  # inside as a whole
+        bounds[pending] = np.minimum(bounds[pending], np.where(within, 0.0, there) + radii)
+        bounds[pending[within & (there > radii)]] = 0.0  # inside as a whole
         known = max(known, float(there[~within].max(initial=0.0)))
         good = bounds <= max(FINEST, (1 + SHARE) * known)
         closed = max(closed, float(bounds[good].max(initial=0.0)))

@@ -141,14 +141,14 @@ def pyramid_elements(made: Pyramids) -> tuple[Faces, list[Elements]]:
     straight = dict(zip(map(frozenset, surface.edges.tolist()), edge_names, strict=True))
     corners = set(surface.edges.ravel().tolist())
     owners = made.owners.tolist()
-    beside: dict[frozenset[int], set[int]] = {}
+    faces_at: dict[frozenset[int], set[int]] = {}
     for hull, face in zip(made.hulls, owners, strict=True):
         for ends in hull.used[hull.edges[: len(hull.used) - 1, :2]].tolist():
-            beside.setdefault(frozenset(ends), set()).add(face)
-    bent = [ends for ends, own in beside.items() if len(own) > 1 and ends not in straight]
+            faces_at.setdefault(frozenset(ends), set()).add(face)
+    bent = [ends for ends, own in faces_at.items() if len(own) > 1 and ends not in straight]
     if bent:  # pieces of edges that go on straight
         rows = np.array([sorted(ends) for ends in bent])
-        longer = np.flatnonzero(~np.isin(np.array([ends in beside for ends in straight]), True))
+        longer = np.flatnonzero(~np.isin(np.array([ends in faces_at for ends in straight]), True))
         for ends, middle in zip(bent, points[rows].mean(axis=1), strict=True):
             (place,) = np.flatnonzero(surface.along_edges(middle[None], longer)[1][0])[:1].tolist() or (None,)
             if place is not None:
@@ -177,7 +177,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
     edge_names = [Element("E", (a + 1, b + 1)) for a, b in np.sort(surface.edges, axis=1).tolist()]
     face_names, whole = [Element("F", face) for face in faces], set(faces)
 
-    def chosen(own: Element, shares: dict[Element, float], least: float, outline: Array) -> tuple[Element, Span | None]:
+    def chosen(own: Element, shares: dict[Element, float], least: float, polygon: Array) -> tuple[Element, Span | None]:
         """Return the name with the largest share, edges first, and all above the least where they are several."""
         names = [name for name, amount in shares.items() if amount > least]
         names.sort(key=lambda name: (name.kind, -round(shares[name], _PLACES), name))
@@ -188,7 +188,7 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
             surface.points[surface.edges[[k]]] if name.kind == "E" else surface.polygons(k)
             for name, k in zip(names, where, strict=True)
         )
-        return names[0], Span(frozen(outline), tuple(names), tuple(frozen(region) for region in regions))
+        return names[0], Span(frozen(polygon), tuple(names), tuple(frozen(region) for region in regions))
 
     def vertex(row: int) -> Element:
         k = place[row]
@@ -224,14 +224,14 @@ def _located(surface: Surface, points: Array, hulls: list[Hull], faces: Faces) -
         return name, span._replace(corners=frozen(points[[a, b]])) if span and a > b else span
 
     def face(loop: list[int]) -> tuple[Element, Span | None]:
-        outline, own = points[loop], Element("F", label(loop))
+        polygon, own = points[loop], Element("F", label(loop))
         if own.vertices in whole:
             return own, None
         on = np.flatnonzero(flat[[place[row] for row in loop]].all(axis=0))
-        near = surface.near(on[surface.planes[0][on] @ unit_normals(outline) > 0], outline) if len(on) else on
-        shares = {face_names[k]: surface.area_within(k, outline) for k in near.tolist()}
-        least = DEFAULT.nominal * np.ptp(outline, axis=0).max() / surface.size
-        return chosen(own, shares, least, outline)
+        near = surface.near(on[surface.planes[0][on] @ unit_normals(polygon) > 0], polygon) if len(on) else on
+        shares = {face_names[k]: surface.area_within(k, polygon) for k in near.tolist()}
+        least = DEFAULT.nominal * np.ptp(polygon, axis=0).max() / surface.size
+        return chosen(own, shares, least, polygon)
 
     named_vertices = {row: vertex(row) for row in rows.tolist()}
     elements = []

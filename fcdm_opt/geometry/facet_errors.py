@@ -257,19 +257,19 @@ def _bent(
         off = np.einsum("kci,ki->kc", local, cross(along, looks[facet]))
         far = np.abs(off).argmax(axis=1)
         tops += [np.einsum("ki,ki->k", local[k, far], along), off[k, far]]
-    way, depth, other = -np.sign(tops[1])[:, None] * cross(along, looks[one]), np.abs(tops[1]), np.abs(tops[3])
+    outward, depth, other = -np.sign(tops[1])[:, None] * cross(along, looks[one]), np.abs(tops[1]), np.abs(tops[3])
     share = depth / (depth + other)
     place = (tops[0] + share * (tops[2] - tops[0])) / length
-    chord = (tops[2] - tops[0])[:, None] * along + (depth + other)[:, None] * way
+    chord = (tops[2] - tops[0])[:, None] * along + (depth + other)[:, None] * outward
     bulges = [
         _squared(form[one], np.einsum("kji,ki->kj", frames[one], own)[:, None])[:, 0] * part * (1.0 - part) / 2.0
         for own, part in ((chord, share), (side, place))
     ]
-    turns = ((looks[two] - looks[one]) * way).sum(axis=1)
+    turns = ((looks[two] - looks[one]) * outward).sum(axis=1)
     bent = ((bulges[0] - bulges[1]) / (depth * (1.0 - share))).reshape(2, -1)
     halved = np.bincount(one, minlength=count) == 1  # at the ends of a face half of the turn is seen
-    told = ~halved[one].reshape(2, -1)
-    off = np.abs((bent * told).sum(axis=0) / np.maximum(told.sum(axis=0), 1) - turns[: len(pairs)])
+    counted = ~halved[one].reshape(2, -1)
+    off = np.abs((bent * counted).sum(axis=0) / np.maximum(counted.sum(axis=0), 1) - turns[: len(pairs)])
     largest = np.zeros(count)
     np.maximum.at(largest, one, np.abs(turns))
     usual = largest[pairs].max(axis=1)
@@ -485,9 +485,9 @@ def known_to(bodies: Sequence[Body], unit: str) -> list[str]:
             coarse = body.rounding > DEFAULT.drawn * body.size
             reason = "rounded coordinates" if coarse else "convex parts" if approximated else "facets"
             reasons.setdefault(reason, []).append(body.name)
-    told = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
+    text = " and ".join(f"the {reason} of {' and '.join(dict.fromkeys(names))}" for reason, names in reasons.items())
     ends = (f"{measured(off, unit, 2)} {end}" for off, end in ((out, "larger"), (short, "smaller")) if off > 0.0)
-    off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {told} only come near them"
+    off = f"as drawn, gaps of the true parts may be up to {' or '.join(ends)}: {text} only come near them"
     return ["; ".join(filter(None, (off, rounding_line(bodies))))]
 
 
@@ -507,5 +507,5 @@ def may_be_rounded(body: Body) -> bool:
 
 def all_recognised(body: Body) -> bool:
     """Tell whether all faces that are off the solid stand for round faces that are told, see `round_surfaces`."""
-    errors, told = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
-    return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= told
+    errors, known = facet_errors(body), {row for _, rows in round_surfaces(body) for row in rows}
+    return errors is not None and {*np.flatnonzero(errors.any(axis=1)).tolist()} <= known

@@ -143,7 +143,7 @@ def least_needed(corners, shifts, fastest, slack, enough, line, tie):
                     sides[own, k, x] = corners[pair, own, (k + 1) % 3, x] - corners[pair, own, k, x]
                 longest[own] = max(longest[own], np.sqrt((sides[own, k] ** 2).sum()))
         flat = tie * longest[0] * longest[1]
-        one_way, back = 0.0, 0.0  # by what is needed, and the other way where one line leads both ways
+        forward, back = 0.0, 0.0  # by what is needed, and the other way where one line leads both ways
         for k in range(17 if line.any() else 11):
             if k < 2:
                 _crossed(sides[k, 0], sides[k, 1], axis)
@@ -160,19 +160,19 @@ def least_needed(corners, shifts, fastest, slack, enough, line, tie):
             gap = max(ahead, behind)
             if not gap > slack:
                 continue
-            way = (1.0 if ahead > behind else -1.0) / length
+            sense = (1.0 if ahead > behind else -1.0) / length
             speed, square = fastest, 0.0
             for m in range(len(shifts)):
-                speed = way * (shifts[m] * axis).sum()
+                speed = sense * (shifts[m] * axis).sum()
                 square += speed * speed
             if len(shifts) == 1:
                 back = max(back, gap / max(-speed, SMALLEST))
             elif len(shifts) > 1:
                 speed = np.sqrt(square)
-            one_way = max(one_way, gap / max(speed, SMALLEST))
-            if (min(one_way, back) if len(shifts) == 1 else one_way) >= enough:
+            forward = max(forward, gap / max(speed, SMALLEST))
+            if (min(forward, back) if len(shifts) == 1 else forward) >= enough:
                 break
-        found[pair] = min(one_way, back) if len(shifts) == 1 else one_way
+        found[pair] = min(forward, back) if len(shifts) == 1 else forward
     return found
 
 

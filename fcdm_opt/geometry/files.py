@@ -244,8 +244,8 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
     if len(found) < 2:
         return drawn, (), ()
     known, first = listed(list(found), "solid", "solids"), next(iter(found))
-    told = f"{len(found)} solids in the file{SEVERAL}: {known}; one alone is '{path.name}#{first}'"
-    return drawn, tuple(found), (told,)
+    text = f"{len(found)} solids in the file{SEVERAL}: {known}; one alone is '{path.name}#{first}'"
+    return drawn, tuple(found), (text,)
 
 
 def _plane(
@@ -309,7 +309,7 @@ def _stl(data: bytes) -> Drawn:
         raise ValueError(found)
     loaded = _quietly(load_stl, io.BytesIO(data))
     named = loaded.get("geometry", {"": loaded})
-    drawn = _together([(solid["vertices"], solid["faces"]) for solid in named.values()], list(named))
+    drawn = _joined([(solid["vertices"], solid["faces"]) for solid in named.values()], list(named))
     if is_text and len(drawn.faces) != lower.count(b"endfacet"):
         raise ValueError(f"{lower.count(b'endfacet')} facets with {len(drawn.vertices)} corners")
     return drawn
@@ -339,8 +339,8 @@ def _ply(data: bytes) -> Drawn:
 def _glb(data: bytes) -> Drawn:
     # a mirror turns the faces' winding round
     placed = [(mesh, T, -1 if np.linalg.det(T[:3, :3]) < 0 else 1, name) for mesh, T, name in _scene(data)]
-    meshes = [(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::way]) for mesh, T, way, _ in placed]
-    return _together(meshes, [name for *_, name in placed])
+    meshes = [(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces[:, ::order]) for mesh, T, order, _ in placed]
+    return _joined(meshes, [name for *_, name in placed])
 
 
 def _scene(data: bytes) -> list[tuple[Any, Array, str]]:
@@ -353,7 +353,7 @@ def _scene(data: bytes) -> list[tuple[Any, Array, str]]:
     return [own for own in placed if isinstance(own[0], Trimesh)]
 
 
-def _together(meshes: Sequence[tuple[Any, Any]], names: Sequence[str]) -> Drawn:
+def _joined(meshes: Sequence[tuple[Any, Any]], names: Sequence[str]) -> Drawn:
     """Return several meshes as one."""
     vertices, faces, count = [np.empty((0, 3))], list[Polygon](), 0
     for own, rows in meshes:
@@ -402,7 +402,7 @@ def _step(data: bytes, deviation: float | None = None) -> Drawn:
         tolerance *= max(0.5, 0.8 * deviation / float(off.max()))  # of spheres it keeps only half of what is asked
     placed = list(zip(sharp, scene, strict=True))
     meshes = [(own @ T[:3, :3].T + T[:3, 3], mesh.faces) for (own, *_), (mesh, T, _) in placed]
-    drawn = _together(meshes, [name for *_, name in scene])
+    drawn = _joined(meshes, [name for *_, name in scene])
     largest = float(np.abs(drawn.vertices).max(initial=0.0))
     off = np.repeat(np.where(off > DEFAULT.weld * largest, off, 0.0), [count for _, count in drawn.solids], axis=0)
     known = tuple(each.placed(T, 1.0) for (_, _, own, _), (_, T, _) in placed for each in own)
@@ -499,11 +499,11 @@ def _sharpened(
         far = np.abs(moved - distinct).max(axis=1) > slack / DEFAULT.sharp
         moved[far] = distinct[far]
     curved = [surface.deviations(moved[own]) for surface, own in known if not surface.flat]
-    left, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
+    errors, bound = [own.max(axis=0, initial=0.0) for own in curved], 0.0
     if len(known) < len(faces.triangles):
         bound = DEFAULT.tessellation * float(np.ptp(distinct, axis=0).max()) if deviation is None else deviation
-        left.append(np.full(2, bound))
-    out, short = np.max(left, axis=0, initial=0.0).tolist() if left else (0.0, 0.0)
+        errors.append(np.full(2, bound))
+    out, short = np.max(errors, axis=0, initial=0.0).tolist() if errors else (0.0, 0.0)
     return moved[faces.same], (out, short), [surface for surface, _ in known], bound
 
 

@@ -42,7 +42,7 @@ def flattened(vertices: Array, faces: Sequence[Polygon], slack: float, *, joined
             groups += list(map(np.unique, same[corners]))
     if joined:
         groups += _connected(distinct, triangles, slack) + sections(distinct, triangles, slack)
-    groups = _together(distinct, [own for own in groups if len(own) > 3], slack)
+    groups = _coplanar_groups(distinct, [own for own in groups if len(own) > 3], slack)
     return settled(distinct, Incidences.of(groups), slack)[same] if groups else vertices
 
 
@@ -56,7 +56,7 @@ class Incidences:
     # points that stay where they are, and with them the planes that are fitted to these alone, (n,)
     held: Flags | None = None
     # (3, 1 or 2): orthonormal directions that span the normals which a plane may have; all others may have any
-    ways: Mapping[int, Array] = field(default_factory=dict)
+    spans: Mapping[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(cls, groups: Sequence[Ints]) -> Incidences:
@@ -68,9 +68,9 @@ class Incidences:
         """Return unit normals and levels of the planes, each nearest to the points that it is fitted to."""
         groups = np.split(self.corner[self.fixing], np.cumsum(np.bincount(self.plane[self.fixing]))[:-1])
         normals, levels, _ = _fitted(points, groups)
-        for k, ways in self.ways.items():
+        for k, span in self.spans.items():
             middle = points[groups[k]].mean(axis=0)
-            normals[k] = ways @ np.linalg.svd((points[groups[k]] - middle) @ ways)[2][-1]
+            normals[k] = span @ np.linalg.svd((points[groups[k]] - middle) @ span)[2][-1]
             levels[k] = normals[k] @ middle
         return normals, levels
 
@@ -119,8 +119,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
     one = units(cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)]))
     turns = np.stack([one, cross(normal, one)], axis=1) / extent[:, None, None]
     for k, plane in enumerate(planes.tolist()):
-        if plane in lies.ways:
-            turns[k] = turns[k] @ lies.ways[plane] @ lies.ways[plane].T
+        if plane in lies.spans:
+            turns[k] = turns[k] @ lies.spans[plane] @ lies.spans[plane].T
     still = np.zeros(len(place), bool) if lies.held is None else lies.held
     fixed = np.bincount(own, lies.fixing[rows] & ~still[corner]) == 0
     tilts = np.concatenate([(turns[own] * spokes[:, None]).sum(axis=2), np.ones((len(rows), 1))], axis=1)
@@ -129,8 +129,8 @@ def _both_moved(place: Array, lies: Incidences, normals: Array, heights: Array, 
     first = 3 * np.stack([np.where(moving, np.cumsum(moving) - 1, 0)[corner], many + own], axis=1)
     at = np.repeat(np.arange(len(rows)), 6), (first[:, :, None] + np.arange(3)).ravel()
     matrix = coo_array((entries.ravel(), at), shape=(len(rows), 3 * (many + len(planes)))).tocsr()
-    many_ways, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
-    both = block_array([[many_ways, matrix.T], [matrix, damped]]).tocsc()
+    identity, damped = eye_array(matrix.shape[1]), -DAMPING * eye_array(len(rows))
+    both = block_array([[identity, matrix.T], [matrix, damped]]).tocsc()
     solved = splu(both, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     found = solved.solve(np.concatenate([np.zeros(matrix.shape[1]), -heights[rows]]))
     moved = place.copy()
@@ -168,7 +168,7 @@ def _fitted(points: Array, groups: Sequence[Ints]) -> tuple[Array, Array, Array]
     return normals, levels, off
 
 
-def _together(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
+def _coplanar_groups(points: Array, groups: list[Ints], slack: float) -> list[Ints]:
     """Leave out groups of points that lie in no plane within the slack, join those that lie in one; largest first."""
     groups = sorted(groups, key=lambda own: -float(np.ptp(points[own], axis=0).max()))
     normals, levels, off = _fitted(points, groups)
@@ -205,8 +205,8 @@ def sections(points: Array, triangles: Ints, slack: float) -> list[Ints]:
         return []
     corners, groups = np.unique(edges), list[Ints]()
     free, (a, b) = np.ones((len(edges), len(edges)), bool), points[edges.T]
-    reach = norms(a + b - (a + b)[:, None])
-    for one, near in enumerate(np.argsort(reach, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
+    distances = norms(a + b - (a + b)[:, None])
+    for one, near in enumerate(np.argsort(distances, axis=1, kind="stable")[:, 1 : 1 + NEAREST].tolist()):
         for two in near:
             spokes = points[edges[[one, two]].ravel()] - a[one]
             normals = cross(spokes[1], spokes[2:])

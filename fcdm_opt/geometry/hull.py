@@ -165,7 +165,7 @@ def convex_faces(local: Array, triangles: Ints, sides: Sides) -> tuple[Ints, Int
         lead = np.full(len(triangles), len(triangles))
         np.minimum.at(lead, group, rank)
         _, face = np.unique(lead[group], return_inverse=True)
-        corners, counts, wrong = _outlines(local, sides, face, areas)
+        corners, counts, wrong = _loops(local, sides, face, areas)
         split: Flags = wrong[face].astype(bool) & (np.bincount(face)[face] > 1)
         if not split.any():
             return face, corners, counts, not wrong.any()
@@ -194,7 +194,7 @@ def _bent(corners: Array, areas: Array, group: Ints) -> Flags:
     return (high - low > 2 * DEFAULT.planarity)[group]
 
 
-def _outlines(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
+def _loops(local: Array, sides: Sides, face: Ints, areas: Array) -> tuple[Ints, Ints, Array]:
     """Return the outlines of groups of triangles (corners, counts), and which of them are no convex polygon."""
     twin = np.full(len(sides.origin), -1, np.int64)
     twin[sides.pairs[:, 0]], twin[sides.pairs[:, 1]] = sides.pairs[:, 1], sides.pairs[:, 0]

@@ -40,7 +40,7 @@ class Solid(NamedTuple):
     points: Array  # (n, 3)
     planes: Array  # (unit normal, level, how far the normal may be off) of each face, (f, 5)
     edges: Array  # from their origins to their ends, (m, 3)
-    beside: Ints  # the vertex that each edge leaves, and the faces on its two sides, (m, 3)
+    edge_faces: Ints  # the vertex that each edge leaves, and the faces on its two sides, (m, 3)
     ball: Array  # centre and radius of a sphere about all points, (4,)
 
     @classmethod
@@ -189,7 +189,7 @@ def widest(one: Solid, two: Solid, frames: Array, *, edged: bool) -> Array:
 
 @light
 @kernel
-def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours, frames, edged):
+def widest_gaps(points, planes, edges, edge_faces, others, faces, sides, neighbours, frames, edged):
     """Return the largest gap of two solids, as `Solid` has them, over directions that can separate most, and where.
 
     The gap and its unit direction, (k, 4).
@@ -200,12 +200,13 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
     """
     found, x, y = np.full((len(frames), 4), np.nan), np.empty((len(points), 3)), np.empty((len(others), 3))
     normals, hands = np.empty((len(planes), 3)), np.empty(len(faces), np.int8)
-    room, rooms = ROUNDING * _reach(points), ROUNDING * _reach(others)
+    room, rooms = ROUNDING * _circumradius(points), ROUNDING * _circumradius(others)
     for k in range(len(frames)):
         frame = frames[k]
         if np.isnan(frame[UNIT]):
             continue
-        way, R, offset = found[k, 1:], frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
+        direction = found[k, 1:]
+        R, offset = frame[TURN:].reshape(3, 3), (frame[OFFSET], frame[OFFSET + 1], frame[OFFSET + 2])
         for m in range(len(points)):
             x[m, 0], x[m, 1], x[m, 2] = _plus(offset, frame[0], _turned(R, points[m]))
         for m in range(len(others)):
@@ -213,11 +214,11 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
         best, far, near = -np.inf, 0, 0
         for m in range(len(planes)):
             n = normals[m, 0], normals[m, 1], normals[m, 2] = _turned(R, planes[m])
-            best, far, near = _wider(best, far, near, n, x, y, way)
+            best, far, near = _wider(best, far, near, n, x, y, direction)
         for m in range(len(faces)):
-            best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y, way)
+            best, far, near = _wider(best, far, near, (-faces[m, 0], -faces[m, 1], -faces[m, 2]), x, y, direction)
         for i in range(len(edges) if edged else 0):
-            u, a, b = _turned(R, edges[i]), beside[i, 1], beside[i, 2]
+            u, a, b = _turned(R, edges[i]), edge_faces[i, 1], edge_faces[i, 2]
             own, off = np.sqrt(_dot(u, u)), TIE + max(planes[a, 4], planes[b, 4])
             along_a, along_b = abs(_dot(u, normals[a])) <= SAME * own, abs(_dot(u, normals[b])) <= SAME * own
             for m in range(len(faces)):
@@ -237,17 +238,17 @@ def widest_gaps(points, planes, edges, beside, others, faces, sides, neighbours,
                     continue  # the normal of a face beside, which has been asked: of aligned parts nearly all pairs
                 if size > PARALLEL * own * length:
                     n = (n[0] / size, n[1] / size, n[2] / size)
-                    best, far, near = _wider(best, far, near, n, x, y, way)
-                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), x, y, way)
+                    best, far, near = _wider(best, far, near, n, x, y, direction)
+                    best, far, near = _wider(best, far, near, (-n[0], -n[1], -n[2]), x, y, direction)
         found[k, 0] = best
     return found
 
 
 @step
-def _wider(best, i, j, n, x, y, way):
+def _wider(best, i, j, n, x, y, direction):
     """Return the larger of the best gap of points y from x and that along n, and points that came near the extremes.
 
-    A direction that is better is put into `way`. Two points of either part, those of the last direction first, rule
+    A better one is put into `direction`. Two points of either part, those of the last direction first, rule
     most directions out.
     """
     most = _dot(n, y[j])
@@ -266,12 +267,12 @@ def _wider(best, i, j, n, x, y, way):
             low, j = level, m
             if low - high <= best:
                 return best, i, j
-    way[0], way[1], way[2] = n
+    direction[0], direction[1], direction[2] = n
     return low - high, i, j
 
 
 @step
-def _reach(points):
+def _circumradius(points):
     """Return how far points are from the seed."""
     square = 0.0
     for m in range(len(points)):
@@ -397,11 +398,11 @@ def contact_flushness(one, two, first, second, across, along, sign, seeds, pairs
         u = (u[0] / size, u[1] / size, u[2] / size)
         v = _cross(n, u)
         for m in range(len(first)):
-            way = _minus(x[m], x[0])
-            p[m, 0], p[m, 1] = _dot(u, way), _dot(v, way)
+            spoke = _minus(x[m], x[0])
+            p[m, 0], p[m, 1] = _dot(u, spoke), _dot(v, spoke)
         for m in range(len(second)):
-            way = _minus(y[m], x[0])
-            q[m, 0], q[m, 1] = _dot(u, way), _dot(v, way)
+            spoke = _minus(y[m], x[0])
+            q[m, 0], q[m, 1] = _dot(u, spoke), _dot(v, spoke)
         slack = TOUCH * min(_longest_side(p), _longest_side(q))
         count = _sides_within(q, p, slack, corners, _sides_within(p, q, slack, corners, 0))
         found[k, 1], found[k, 2] = _extents(corners, count)
@@ -536,8 +537,8 @@ def _apart(x, first, y, second):
 def _shared(x, first, y, second):
     """Return a point of two flush elements, and its distances from both together, these first."""
     # a corner of what they share: of one of them, or where their sides cross
-    way = _minus(x[first[1]], x[first[0]])
-    best, point, enough = np.inf, _plus(way, -1.0, way), PARALLEL * np.sqrt(_dot(way, way))
+    edge = _minus(x[first[1]], x[first[0]])
+    best, point, enough = np.inf, _plus(edge, -1.0, edge), PARALLEL * np.sqrt(_dot(edge, edge))
     for m in range(len(first) + len(second)):
         corner = x[first[m]] if m < len(first) else y[second[m - len(first)]]
         off = _off(y, second, corner) if m < len(first) else _off(x, first, corner)
@@ -583,8 +584,8 @@ def _off_segment(a, b, p):
     """Return how far p is from a segment, which may be a point."""
     u, w = _minus(b, a), _minus(p, a)
     square = _dot(u, u)
-    way = _plus(w, -min(max(_dot(w, u) / square, 0.0), 1.0) if square > 0.0 else 0.0, u)
-    return np.sqrt(_dot(way, way))
+    offset = _plus(w, -min(max(_dot(w, u) / square, 0.0), 1.0) if square > 0.0 else 0.0, u)
+    return np.sqrt(_dot(offset, offset))
 
 
 @step

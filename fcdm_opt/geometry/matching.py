@@ -27,7 +27,7 @@ APART = 2.0  # times the rounding of both: planes through rounded corners, looke
 REMEMBERED = 4  # questions: the cases of a file are about the same bodies, and so is one with more parts modelled
 
 
-def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, ...]:
+def matched(bodies: Sequence[Body], directions: Sequence[Array] = ()) -> tuple[Body, ...]:
     """Return bodies as drawn in one frame, with planes that their files' digits cannot tell apart made the same.
 
     So are those made parallel to one another and to directions of motions, or square to these, that may have been drawn
@@ -35,11 +35,11 @@ def matched(bodies: Sequence[Body], ways: Sequence[Array] = ()) -> tuple[Body, .
     stay as they are, and others are moved to them. The seeds stay; so do all bodies where no planes are that near each
     other, or they are the same already.
     """
-    return _matched(tuple(bodies), tuple(tuple(way.tolist()) for way in ways))
+    return _matched(tuple(bodies), tuple(tuple(direction.tolist()) for direction in directions))
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> tuple[Body, ...]:
+def _matched(bodies: tuple[Body, ...], directions: tuple[tuple[float, ...], ...]) -> tuple[Body, ...]:
     loose = [body.rounding > 0.0 and (len(body.parts) == 1 or bool(body.triangles)) for body in bodies]
     if len(bodies) < 2 or not any(loose):
         return bodies
@@ -50,7 +50,7 @@ def _matched(bodies: tuple[Body, ...], ways: tuple[tuple[float, ...], ...]) -> t
         [start + own for own, k in zip(_faces(body), its.tolist(), strict=True) if k]
         for body, start, its in zip(bodies, starts.tolist(), kept, strict=False)
     ]
-    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), np.array(ways).reshape(-1, 3))
+    lies = _incidences(bodies, points, faces, kept, np.repeat(loose, counts), np.array(directions).reshape(-1, 3))
     if lies is None:
         return bodies
     most = np.repeat([APART * body.rounding for body in bodies], counts)
@@ -82,7 +82,7 @@ def _walls(body: Body) -> Flags:
 
 
 def _incidences(
-    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], kept: list[Flags], free: Flags, ways: Array
+    bodies: Sequence[Body], points: Array, faces: list[list[Ints]], kept: list[Flags], free: Flags, directions: Array
 ) -> Incidences | None:
     """Return which vertices lie on which planes as far as digits tell; None where those of two bodies do so exactly."""
     every = [own for some in faces for own in some]
@@ -91,10 +91,10 @@ def _incidences(
     planes = ([own[its] for own in body.face_planes] for body, its in zip(bodies, kept, strict=True))
     normals, bases = (np.concatenate(own) for own in zip(*planes, strict=True))
     levels = (normals * bases).sum(axis=1)
-    first, reach = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
+    first, margin = np.cumsum([0, *map(len, every)]), APART * 2.0 * float(rounding.max())
     rows = np.concatenate(every)
     low, high = (end.reduceat(points[rows], first[:-1]) for end in (np.minimum, np.maximum))
-    found = np.concatenate([np.column_stack(pair) for pair in overlapping(low - reach, high + reach, owner)])
+    found = np.concatenate([np.column_stack(pair) for pair in overlapping(low - margin, high + margin, owner)])
     plane, other = np.concatenate([found, found[:, ::-1]]).T
     size = np.diff(first)[other]
     pair, start = np.repeat(np.arange(len(other)), size), np.cumsum(size) - size
@@ -104,7 +104,7 @@ def _incidences(
     same = [np.column_stack([plane, other])[np.bincount(pair, ~on, len(other)) == 0]]
     least, most = (end.reduceat(np.where(on[:, None], points[corner], np.nan), start) for end in (np.fmin, np.fmax))
     # where corners on a plane, or the edges between them, meet its face
-    met = on & ((most >= low[plane] - reach) & (least <= high[plane] + reach)).all(axis=1)[pair]
+    met = on & ((most >= low[plane] - margin) & (least <= high[plane] + margin)).all(axis=1)[pair]
     touched, end = np.column_stack([at, corner])[met], 0
     for some, body in zip(faces, bodies, strict=True):
         begin, end = end, end + len(some)
@@ -117,7 +117,7 @@ def _incidences(
     meet = np.bincount(np.unique(np.column_stack([plane[face], rows]), axis=0)[:, 1])  # planes, in each corner
     loose = np.maximum.reduceat(meet[rows], first[:-1]) <= 3  # others, of curved meshes, cannot be turned
     loose[touched[:, 0]] = True
-    spans, off = _directions(points, every, normals, 2.0 * APART * rounding, owner, loose, ways)
+    spans, off = _directions(points, every, normals, 2.0 * APART * rounding, owner, loose, directions)
     if max(off, heights[met].max(initial=0.0)) <= DEFAULT.tie * float(np.abs(points).max()):
         return None
     fixing = ~exact[face] | ~free[rows]

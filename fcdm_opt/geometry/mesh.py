@@ -125,11 +125,11 @@ def _checked(vertices: ArrayLike, faces: Any, name: str, *, remake: bool) -> Mes
                 raise InputError(f"{what}, at {surface.at(np.array(crossing.place))}", key=key)
             return made
     turned, remarks = _outward(surface, triangles, owner, slack, key)
-    outlines = tuple(reverse(own) if turn else own for own, turn in zip(surface.polygons, turned, strict=True))
+    loops = tuple(reverse(own) if turn else own for own, turn in zip(surface.polygons, turned, strict=True))
     triangles = np.where(turned[owner][:, None], triangles[:, ::-1], triangles)
     return Mesh(
         vertices=frozen(points[kept]),
-        faces=outlines,
+        faces=loops,
         triangles=frozen(triangles, np.int64),
         triangle_faces=frozen(owner, np.int64),
         repairs=surface.repairs + remarks,
@@ -277,18 +277,18 @@ def _shells(surface: Faces) -> Ints:
     sides = Sides.of(surface.polygons)
     plain, links = sides.counts[sides.edge[sides.links[:, 0]]] == 2, sides.face[sides.links]
     group = components(links[plain], len(surface.polygons))
-    ways = np.where(sides.origin < sides.end, 1, -1)
+    senses = np.where(sides.origin < sides.end, 1, -1)
     own = np.unique(group[sides.face] * (sides.edge.max() + 1) + sides.edge, return_inverse=True)[1]
     open_ = np.zeros(group.max() + 1, bool)
-    open_[group[sides.face[np.bincount(own, ways)[own] != 0]]] = True
+    open_[group[sides.face[np.bincount(own, senses)[own] != 0]]] = True
     if not open_.any():
         return group
     normals = normals_of(surface.points, surface.polygons)
     inwards = volume_and_centroid(surface.points[fans(surface.polygons)])[0] < 0
     several = np.flatnonzero(sides.counts > 2).tolist()
     wedges = [sides.wedges(surface.points, normals, own, inwards=inwards) for own in several]
-    beside = np.array([pair for own in wedges for pair in own]).reshape(-1, 2)
-    return components(np.concatenate([links[plain], beside[open_[group[beside]].all(axis=1)]]), len(surface.polygons))
+    paired = np.array([pair for own in wedges for pair in own]).reshape(-1, 2)
+    return components(np.concatenate([links[plain], paired[open_[group[paired]].all(axis=1)]]), len(surface.polygons))
 
 
 def solids(points: Array, polygons: Sequence[Polygon]) -> list[Ints]:

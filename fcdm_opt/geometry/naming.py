@@ -133,7 +133,7 @@ def numbered_names(names: Sequence[str]) -> list[str]:
     return found
 
 
-def told_element(body: Body, element: Element) -> str:
+def element_text(body: Body, element: Element) -> str:
     """Return an element in words: "top face (facing +z)", "bore of radius 10", "face 3 (facing -x)", "corner 5"."""
     # an edge is told by the faces that meet in it; what lies within one round face is told as that. Corners of bodies
     # with many of them are told by where they are as drawn: "corner at (3, 0, 12.5)"
@@ -144,7 +144,7 @@ def told_element(body: Body, element: Element) -> str:
         if max(element.vertices) > len(body.vertices):  # of a facet that was moved to be within the true solid
             on = [row for row in rows if off.get(row, np.inf) <= DEFAULT.touch * body.size]
             if element.kind == "F" or len(on) == 1 or (off and not on):
-                return told_element(body, Element("F", body.faces[rows[0]]))
+                return element_text(body, Element("F", body.faces[rows[0]]))
             named = names_of_rows(body)
             sides, along = [named[row] for row in on or rows], points[0] + ALONG * (points[-1] - points[0])
             if not any(" radius " in side for side in sides):  # a chord, as across a bore that it is beside somewhere
@@ -154,8 +154,8 @@ def told_element(body: Body, element: Element) -> str:
     if element.kind == "F":
         name, side = names.get(label, ("face", ""))
         end, *number = name.split(" ", 1)
-        told = " ".join((end, "face", *number)) if end in SIDES else _rounded(name)
-        return f"{told} (facing {side})" if side else told
+        text = " ".join((end, "face", *number)) if end in SIDES else _rounded(name)
+        return f"{text} (facing {side})" if side else text
     sides = [names[face][0] for face in body.faces_with(label) if face in names]
     few = len(body.vertices) <= NUMBERED
     return _edge_or_corner(element.kind, sides, [str(v) if few else _place(body.vertices[v - 1]) for v in label])
@@ -212,9 +212,9 @@ def _place(point: Array) -> str:
     return f"at ({', '.join(f'{x if abs(x) > least else 0.0:.4g}' for x in point.tolist())})"
 
 
-def is_round(told: str) -> bool:
+def is_round(text: str) -> bool:
     """Tell whether an element in words is a round face."""
-    return " of radius " in told and not told.startswith("edge ")
+    return " of radius " in text and not text.startswith("edge ")
 
 
 def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
@@ -228,10 +228,10 @@ def pair_in_words(movable: Body, static: Body, parts: Sequence[int]) -> str:
     return " and ".join(words)
 
 
-def with_article(told: str) -> str:
+def with_article(text: str) -> str:
     """Return an element in words with "the", but where a number names it."""
-    numbered = told.startswith(("corner ", "face ")) and not told.startswith("corner at ")
-    return told if numbered else f"the {told}"
+    numbered = text.startswith(("corner ", "face ")) and not text.startswith("corner at ")
+    return text if numbered else f"the {text}"
 
 
 def _rounded(name: str) -> str:
@@ -253,8 +253,8 @@ def described_faces(body: Body, *, four_digits: bool = False) -> dict[Label, tup
 
 def names_of_rows(body: Body, *, four_digits: bool = False) -> list[str]:
     """Return the names of a body's faces, in their order; "face 12" where there is nothing better."""
-    told = described_faces(body, four_digits=four_digits)
-    return [told.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
+    described = described_faces(body, four_digits=four_digits)
+    return [described.get(tuple(sorted(face)), (f"face {k}", ""))[0] for k, face in enumerate(body.faces, 1)]
 
 
 def selectors_of_rows(body: Body) -> list[str]:

@@ -73,7 +73,7 @@ def packed(part: ConvexPart) -> tuple[Array, Ints]:
     return frozen(reals), frozen(np.concatenate([header, *tables]), np.int64)
 
 
-def packed_together(parts: Sequence[ConvexPart]) -> tuple[Array, Ints, Ints]:
+def packed_in_one(parts: Sequence[ConvexPart]) -> tuple[Array, Ints, Ints]:
     """Return the arrays of several parts one after the other, and the first row and entry of each, (parts + 1, 2)."""
     reals, ints = zip(*(part.packed for part in parts), strict=True)
     sizes = [(len(own), len(table)) for own, table in zip(reals, ints, strict=True)]
@@ -148,7 +148,7 @@ def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     if not (exact @ n).any():
         return _rounded_unit(n), 5 * _UNIT
     spokes = polygon - polygon[0]
-    reach = float(np.sqrt((spokes**2).sum(axis=1)).max())
+    radius = float(np.sqrt((spokes**2).sum(axis=1)).max())
     ratios = [float(x).as_integer_ratio() for x in drawn]
     unit = max(down for _, down in ratios)
     whole = np.array([up * (unit // down) for up, down in ratios], dtype=object)
@@ -157,7 +157,7 @@ def _polygon_normal(polygon: Array, drawn: Array) -> tuple[Array, float]:
     # least / reach; the smallest triangle of a convex polygon has consecutive corners. Doubled.
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
     least = float(norms(cross(before, after)).min())
-    return drawn, 8 * height * reach / least + 8 * _UNIT if least > 0 else np.inf
+    return drawn, 8 * height * radius / least + 8 * _UNIT if least > 0 else np.inf
 
 
 def _is_convex(part: ConvexPart, normals: Array, errors: Array) -> bool:

@@ -188,10 +188,10 @@ def _diagonals(space: Arrangement, reflex: dict[Edge, list[Facet]]) -> Ints:
     across = cross(along[:, None], np.stack([a, b])[:, None] - a[:, None])
     flat = np.abs((across[0] * along).sum(axis=2)) <= space.slack
     flat &= (across**2).sum(axis=3).max(axis=0) > space.slack**2
-    beside = [{facet.plane for facet in own} for own in reflex.values()]
+    planes = [{facet.plane for facet in own} for own in reflex.values()]
     found = []
     for i, row in enumerate(np.argsort(distance, axis=1, kind="stable")):
-        near = (j for j in row[flat[i, row]].tolist() if j != i and not beside[i] & beside[j])
+        near = (j for j in row[flat[i, row]].tolist() if j != i and not planes[i] & planes[j])
         found += [(min(i, j), max(i, j)) for j in islice(near, NEAREST)]
     pairs = sorted(dict.fromkeys(found), key=lambda pair: distance[pair])
     return np.array([[*edges[i], *edges[j]] for i, j in pairs], np.int64).reshape(-1, 4)
@@ -270,16 +270,16 @@ def cover(
     - `cells`: a partition of it.
     - `targets`: largest pieces still to be covered that a part is grown around, of which the best is taken.
     """
-    left, parts = list(cells), list[Cell]()
-    while left:
+    remaining, parts = list(cells), list[Cell]()
+    while remaining:
         options = list[tuple[float, int, Cell, list[Cell]]]()
-        for target in sorted(left, key=space.volume, reverse=True)[:targets]:
-            if (part := _grown(space, hull, facets, seed, target, left)) is not None:
-                rest = [own for piece in left for own in _less(space, piece, part)]
+        for target in sorted(remaining, key=space.volume, reverse=True)[:targets]:
+            if (part := _grown(space, hull, facets, seed, target, remaining)) is not None:
+                rest = [own for piece in remaining for own in _less(space, piece, part)]
                 options.append((sum(map(space.volume, rest)), len(options), part, rest))
         if not options or len(parts) == most:
             return None
-        *_, part, left = min(options, key=lambda option: option[:2])
+        *_, part, remaining = min(options, key=lambda option: option[:2])
         parts.append(part)
     for part in list(parts):
         others = [own for own in parts if own is not part]
@@ -289,12 +289,12 @@ def cover(
 
 
 def _grown(
-    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: Cell, left: Sequence[Cell]
+    space: Arrangement, cell: Cell, facets: Sequence[Facet], seed: int, target: Cell, remaining: Sequence[Cell]
 ) -> Cell | None:
     """Return a convex part of the solid that holds the seed and the middle of the target, and much of what is left."""
     middle = space.local[target.points].mean(axis=0)
-    weights = np.concatenate([np.full(len(own.points), space.volume(own)) for own in left])
-    points = np.concatenate([own.points for own in left])
+    weights = np.concatenate([np.full(len(own.points), space.volume(own)) for own in remaining])
+    points = np.concatenate([own.points for own in remaining])
     total = max(float(weights.sum()), float(np.finfo(float).tiny))
     whole: Cell | None = cell
     while whole is not None:
@@ -311,14 +311,14 @@ def _grown(
             if held > most:
                 best, most = (plane, side), held
         if best is None:  # the middle is seen round the end of an edge
-            best = _beside(space, *next(iter(reflex.items())), seed, middle)
+            best = _edge_plane(space, *next(iter(reflex.items())), seed, middle)
         plane, side = best
         facets = space.split_facets(facets, plane)[0 if side > 0 else 1]
         whole = space.kept(whole, [best])
     return None
 
 
-def _beside(space: Arrangement, edge: Edge, own: Sequence[Facet], seed: int, middle: Array) -> tuple[int, int]:
+def _edge_plane(space: Arrangement, edge: Edge, own: Sequence[Facet], seed: int, middle: Array) -> tuple[int, int]:
     """Return a plane through a reflex edge and the seed, and the side of it that the middle is not on."""
     a, b = space.local[list(edge)] - space.local[seed]
     on_line = np.linalg.norm(np.cross(a, b)) <= space.slack * np.linalg.norm(b - a)
@@ -347,7 +347,7 @@ def _less(space: Arrangement, cell: Cell, part: Cell) -> list[Cell]:
 
 
 def _without(space: Arrangement, cell: Cell, others: Sequence[Cell]) -> list[Cell]:
-    left = [cell]
+    remaining = [cell]
     for other in others:
-        left = [piece for own in left for piece in _less(space, own, other)]
-    return left
+        remaining = [piece for own in remaining for piece in _less(space, own, other)]
+    return remaining

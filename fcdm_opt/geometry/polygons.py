@@ -89,10 +89,10 @@ def uncovered(polygon: Array, solids: Iterable[tuple[Array, Array]], slack: floa
     return pieces
 
 
-def inside(polygon: Array, outline: Array, normal: Array, slack: float = 0.0) -> Array:
+def inside(polygon: Array, loop: Array, normal: Array, slack: float = 0.0) -> Array:
     """Return what of a convex polygon lies in another one of its plane, counter-clockwise about the normal."""
-    for base, way in zip(outline, units(cross(normal, following(outline) - outline)), strict=True):
-        polygon = clipped(polygon, (polygon - base) @ way + slack)
+    for base, inward in zip(loop, units(cross(normal, following(loop) - loop)), strict=True):
+        polygon = clipped(polygon, (polygon - base) @ inward + slack)
     return polygon
 
 
@@ -215,8 +215,8 @@ def triangulated(
             ears = _ears(_in_plane(local[k], normals[k]), slack) if lengths[k] > slack**2 else None
             if ears is None:
                 what = "the outline crosses or touches itself"
-                outline = tuple(int(v) + 1 for v in corners[k])
-                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=outline)
+                loop = tuple(int(v) + 1 for v in corners[k])
+                raise InputError(what, key=f"{key}: face {numbers[places[k]] + 1}", found=loop)
             triangles.append(corners[k][ears])
             owners.append(np.full(len(ears), places[k]))
     owner = np.concatenate(owners)
@@ -238,23 +238,23 @@ def _cross2(u: Array, v: Array) -> Array:
 def _ears(flat: Array, slack: float) -> Ints | None:
     """Cut a polygon of the plane, counter-clockwise, into triangles of some height; None where it meets itself."""
     # an ear has no other corner inside or on it, so that corners in line with their neighbours get a triangle each side
-    left = np.arange(len(flat))
+    remaining = np.arange(len(flat))
     ears = []
-    while len(left) > 3:
-        u, v, w = flat[np.roll(left, 1)], flat[left], flat[np.roll(left, -1)]
+    while len(remaining) > 3:
+        u, v, w = flat[np.roll(remaining, 1)], flat[remaining], flat[np.roll(remaining, -1)]
         longest = np.sqrt(np.max([((x - y) ** 2).sum(axis=1) for x, y in ((u, v), (v, w), (w, u))], axis=0))
         height = _cross2(v - u, w - v) / np.maximum(longest, np.finfo(float).tiny)
         for k in np.argsort(-height, kind="stable").tolist():
             if height[k] <= slack:
                 return None
-            three = np.array([k - 1, k, (k + 1) % len(left)]) % len(left)
-            if not _covered(flat[left[three]], np.delete(flat[left], three, axis=0), slack):
-                ears.append(left[three])
-                left = np.delete(left, k)
+            three = np.array([k - 1, k, (k + 1) % len(remaining)]) % len(remaining)
+            if not _covered(flat[remaining[three]], np.delete(flat[remaining], three, axis=0), slack):
+                ears.append(remaining[three])
+                remaining = np.delete(remaining, k)
                 break
         else:
             return None
-    return np.array([*ears, left])
+    return np.array([*ears, remaining])
 
 
 def _covered(triangle: Array, points: Array, slack: float) -> bool:
@@ -322,11 +322,11 @@ class Sides:
         """Return the pairs of polygons between which material at an edge lies, by their normals out of or into it."""
         # where they are not as many one way round as the other, each two after another
         own = np.flatnonzero(self.edge == edge)
-        ways = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
-        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * ways[0]
-        into = cross(normals[self.face[own]], ways[:, None] * along)
+        senses = np.where(self.origin[own] < self.end[own], 1.0, -1.0)
+        along = units(points[self.end[own[0]]] - points[self.origin[own[0]]]) * senses[0]
+        into = cross(normals[self.face[own]], senses[:, None] * along)
         angles = np.arctan2(cross(into[:1], into) @ along, into @ into[0])
-        faces, up = self.face[own], (ways > 0) ^ inwards
+        faces, up = self.face[own], (senses > 0) ^ inwards
         if 2 * up.sum() != len(own):
             return list(pairwise(faces.tolist()))
         turns = (angles[up] - angles[~up][:, None] - DEFAULT.sharp) % (2.0 * np.pi)  # material is ahead of those down

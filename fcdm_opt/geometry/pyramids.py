@@ -156,11 +156,11 @@ def _outside(base, apex, normal, triangle):
         if _apart(base, apex, triangle, n[0], n[1], n[2]):
             return True
         for side in range(3):
-            way = a if side == 0 else (b if side == 1 else c)
-            n = _product(u, way)
+            edge = a if side == 0 else (b if side == 1 else c)
+            n = _product(u, edge)
             if _apart(base, apex, triangle, n[0], n[1], n[2]) or _apart(base, apex, triangle, -n[0], -n[1], -n[2]):
                 return True
-            n = _product(v, way)
+            n = _product(v, edge)
             if _apart(base, apex, triangle, n[0], n[1], n[2]) or _apart(base, apex, triangle, -n[0], -n[1], -n[2]):
                 return True
     return False

@@ -2,7 +2,7 @@
 
 A convex part is { x : n_f . x <= b_f + delta_f }. A corner where three facets meet moves linearly with their offsets.
 Where more meet it stays one corner if the offsets agree, else it splits: all triples of its facets are kept. This is
-how the part stands as long as no corner crosses a facet that it is not on (`Resizing.reach`).
+how the part stands as long as no corner crosses a facet that it is not on (`Resizing.valid_up_to`).
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Resizing:
             found.append((float(factor.min()), self.named(own, facet)))
         return found
 
-    def reach(self, low: Array, high: Array) -> tuple[float, str]:
+    def valid_up_to(self, low: Array, high: Array) -> tuple[float, str]:
         """Return the least of all parts'."""
         return min(self.reaches(low, high), key=lambda own: own[0])
 
@@ -688,7 +688,7 @@ def _intersected(moving: Resizing, own: MovingPart, values: Array, facet: int) -
     on = np.zeros((0, len(levels)), bool) if corners is None else np.abs(corners @ part.normals.T - levels) <= near
     if corners is None or (len(moving.parts) == 1 and on.sum(axis=0).min() < 3):
         gone = facet if corners is None else int(on.sum(axis=0).argmin())
-        share = moving.reach(np.minimum(values, 0.0), np.maximum(values, 0.0))[0]
+        share = moving.valid_up_to(np.minimum(values, 0.0), np.maximum(values, 0.0))[0]
         with _at(moving.body, moving.sizes, values):
             allowed = f"deviations of less than {100.0 * share:.4g} % of these"
             raise InputError(f"what it has beside {moving.named(own, gone)} vanishes", allowed=allowed)
@@ -866,13 +866,13 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
                 faces[k], moved[k] = own[0], face_offsets[own[0]]
         found.append((faces, moved))
     for cut in _cuts(body):
-        ways = []
+        shifts = []
         for _, rows, across in cut.elements:
             off = face_offsets[rows]
             if across is not None and _agree(normals[rows], off) is not None:
-                ways.append(across @ off)
-        if ways and np.ptp(ways, axis=0).max(initial=0.0) <= DEFAULT.nominal:
-            offset = ways[0]
+                shifts.append(across @ off)
+        if shifts and np.ptp(shifts, axis=0).max(initial=0.0) <= DEFAULT.nominal:
+            offset = shifts[0]
         else:
             place, k, _ = cut.facets[0]
             level = points @ cut.normal - body.parts[place].vertices[body.parts[place].loops[k][0]] @ cut.normal
@@ -880,8 +880,8 @@ def _facets(body: Body, sizes: Sequence[Size], face_offsets: Array) -> list[tupl
             own = np.flatnonzero(
                 (np.abs(level) <= DEFAULT.nominal * body.size) & (np.abs(np.abs(along) - 1.0) <= DEFAULT.nominal)
             ).tolist()
-            if ways and not own:
-                size = sizes[int(np.ptp(ways, axis=0).argmax())]
+            if shifts and not own:
+                size = sizes[int(np.ptp(shifts, axis=0).argmax())]
                 labels = dict.fromkeys(label for own, *_ in cut.elements for label in own)
                 plane = f"a plane through {', '.join(f'V{label}' for label in labels)}"
                 what = f"body '{body.name}' is cut along {plane}, which this size would take out of it"

@@ -292,27 +292,27 @@ class Size(Plain):
     def _range(self) -> tuple[float, float] | None:
         if self.tolerance is None:
             return None
-        told = self.tolerance
+        tolerance = self.tolerance
         share = "a share: 0.003 is 0.3 %" if self.scale is not None else "a length in the file's unit"
         allowed = f"{share}; (low, high) with low <= high, or one number t for (-t, t)"
-        if isinstance(told, str) and FIT_LETTERS.fullmatch(told):
+        if isinstance(tolerance, str) and FIT_LETTERS.fullmatch(tolerance):
             allowed = (
                 "tolerance = [LOWER, UPPER], the deviations that ISO 286 has for it at the diameter, in the file's "
                 "unit, bore and shaft each in a size of its own: at 20 mm [0.0, 0.021] of H7, [-0.020, -0.007] of g6"
             )
-            raise self._refused("letters of a fit are not known here", "tolerance", told, allowed)
-        if isinstance(told, str):
+            raise self._refused("letters of a fit are not known here", "tolerance", tolerance, allowed)
+        if isinstance(tolerance, str):
             what = "a scale has no unit: divide by the length that it is of" if self.scale else "a number without unit"
-            raise self._refused(what, "tolerance", told, allowed)
-        if np.ndim(told) == 0:
-            (most,) = self._numbers(told, "tolerance", 1, allowed)
+            raise self._refused(what, "tolerance", tolerance, allowed)
+        if np.ndim(tolerance) == 0:
+            (most,) = self._numbers(tolerance, "tolerance", 1, allowed)
             low, high = -most, most
         else:
-            low, high = self._numbers(told, "tolerance", 2, allowed)
+            low, high = self._numbers(tolerance, "tolerance", 2, allowed)
         if not low <= high:
-            raise self._refused("the low end is above the high one", "tolerance", told, allowed)
+            raise self._refused("the low end is above the high one", "tolerance", tolerance, allowed)
         if self.scale is not None and not low > -1.0:
-            raise self._refused("nothing would be left of the body", "tolerance", told, allowed)
+            raise self._refused("nothing would be left of the body", "tolerance", tolerance, allowed)
         return low, high
 
     def _selected(self, selector: Any, body: Body, normals: Array, points: Array, key: str) -> Ints:
@@ -323,8 +323,8 @@ class Size(Plain):
                 named: dict[str, list[int]] = {}
                 for row, name in enumerate(names_of_rows(body, four_digits=four_digits)):
                     end = name.split(" no. ")[0]
-                    for told in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
-                        named.setdefault(told, []).append(row)
+                    for label in dict.fromkeys((name, end if end in SIDES else name)):  # "top": all in its plane
+                        named.setdefault(label, []).append(row)
                 if selector in named:
                     return np.array(named[selector])
             known = ", ".join(dict.fromkeys(selectors_of_rows(body)))
@@ -355,9 +355,9 @@ class Size(Plain):
         else:
             axis, radius = np.array(selector["axis"]), selector["radius"]
             level = np.abs((normals * (points - np.array(selector["around"]))).sum(axis=1))
-            beside = np.abs(normals @ axis) <= near
+            parallel = np.abs(normals @ axis) <= near
             most = (1.0 + DEFAULT.snap) * radius
-            rows = np.flatnonzero(beside & (level >= ROUND * radius) & (level <= most))
+            rows = np.flatnonzero(parallel & (level >= ROUND * radius) & (level <= most))
             off = np.linalg.norm(np.cross(body.vertices - np.array(selector["around"]), axis), axis=1)
             rows = np.array([k for k in rows.tolist() if off[np.array(body.faces[k]) - 1].max() <= most], np.int64)
             if rows.size:

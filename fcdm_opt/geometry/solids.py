@@ -179,13 +179,13 @@ def convex_inside(body: Body, point: Array) -> Body:
 
     own = solid_surface(body)
     corners, place = own.points[own.triangles], point - body.seed
-    ways = -offsets_from(place[None], corners)[:, 0]
-    order, planes = np.argsort(norms(ways), kind="stable"), list[Array]()
+    offsets = -offsets_from(place[None], corners)[:, 0]
+    order, planes = np.argsort(norms(offsets), kind="stable"), list[Array]()
     ahead = np.ones(len(order), bool)
     for k in order.tolist():
         if ahead[k]:
-            far = float(norms(ways[k]))
-            plane = np.append(ways[k] / far, -float(ways[k] @ place) / far - REACHED * far)
+            far = float(norms(offsets[k]))
+            plane = np.append(offsets[k] / far, -float(offsets[k] @ place) / far - REACHED * far)
             planes.append(plane)
             ahead &= (corners @ plane[:3]).min(axis=1) < -plane[3]
     inside = HalfspaceIntersection(np.array(planes), place).intersections

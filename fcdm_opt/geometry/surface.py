@@ -29,7 +29,7 @@ class Surface:
     edges: Ints  # rows of the ends of each edge, (k, 2)
     hidden: Ints  # edges inside the solid that keep names of their own, (h, 2)
     # the faces with their corners in order, counter-clockwise seen from outside; ascending of those with holes
-    outlines: tuple[Rows, ...]
+    loops: tuple[Rows, ...]
 
     @classmethod
     def of(cls, points: Array, triangles: Ints, planes: Ints) -> Surface:
@@ -44,16 +44,16 @@ class Surface:
         ends = np.sort(np.column_stack([sides.origin, sides.end]), axis=1).tolist()
         for (low, high), face in zip(ends, owners[sides.face].tolist(), strict=True):
             around[low, high].add(face)
-        edges = straightened(points, {edge: frozenset(beside) for edge, beside in around.items() if len(beside) > 1})
+        edges = straightened(points, {edge: frozenset(both) for edge, both in around.items() if len(both) > 1})
         corners: list[set[int]] = [set() for _ in range(owners.max() + 1)]
-        for edge, beside in edges.items():
-            for face in beside:
+        for edge, adjacent in edges.items():
+            for face in adjacent:
                 corners[face].update(edge)
         faces = tuple(tuple(sorted(own)) for own in corners)
         own = (triangles[some].tolist() for some in groups_of(owners))
-        outlines = tuple(_outline(some, face) for some, face in zip(own, faces, strict=True))
+        loops = tuple(_loop(some, face) for some, face in zip(own, faces, strict=True))
         rows = np.array(list(edges), np.int64).reshape(-1, 2)
-        return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), outlines)
+        return cls(points, triangles, owners, faces, rows, np.empty((0, 2), np.int64), loops)
 
     @cached_property
     def size(self) -> float:
@@ -121,11 +121,11 @@ class Surface:
         near = self._polygons_near(face, points)
         return np.asarray(hold(near, self.planes[0][[face]], points, DEFAULT.nominal * self.size).any(axis=1))
 
-    def area_within(self, face: int, outline: Array) -> float:
+    def area_within(self, face: int, loop: Array) -> float:
         """Return the area of a face inside a convex polygon of its plane, (m, 3), in units of the size squared."""
         normal = self.planes[0][face]
-        near = self._polygons_near(face, outline)
-        return sum(area(inside(outline, triangle, normal)) for triangle in near) / self.size**2
+        near = self._polygons_near(face, loop)
+        return sum(area(inside(loop, triangle, normal)) for triangle in near) / self.size**2
 
     def stretches(self, ends: Array, faces: Ints, edges: Ints) -> tuple[Array, Array]:
         """Return lengths, in units of the size, and middles of the stretches that borders cut a segment into.
@@ -137,15 +137,15 @@ class Surface:
         after, others = following(corners), self.points[self.edges[edges]]
         starts = np.concatenate([corners.reshape(-1, 3), others[:, 0]]) - ends[0]
         stops = np.concatenate([after.reshape(-1, 3), others[:, 1]]) - ends[0]
-        way, ways = ends[1] - ends[0], stops - starts
-        length, normals = float(np.linalg.norm(way)), cross(way, ways)
+        line, sides = ends[1] - ends[0], stops - starts
+        length, normals = float(np.linalg.norm(line)), cross(line, sides)
         squares = (normals**2).sum(axis=1)
-        crossing = squares > (DEFAULT.nominal * length) ** 2 * (ways**2).sum(axis=1)
-        crossings = (cross(starts, ways) * normals).sum(axis=1)[crossing] / squares[crossing]
-        along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ way / length**2
+        crossing = squares > (DEFAULT.nominal * length) ** 2 * (sides**2).sum(axis=1)
+        crossings = (cross(starts, sides) * normals).sum(axis=1)[crossing] / squares[crossing]
+        along = np.concatenate([starts, stops])[np.tile(~crossing, 2)] @ line / length**2
         places = np.unique(np.clip(np.concatenate([[0.0, 1.0], crossings, along]), 0.0, 1.0))
         middles = (places[1:] + places[:-1]) / 2.0
-        return np.diff(places) * length / self.size, ends[0] + middles[:, None] * way
+        return np.diff(places) * length / self.size, ends[0] + middles[:, None] * line
 
     @cached_property
     def lengths(self) -> Array:
@@ -174,10 +174,10 @@ class Surface:
 def rims(triangles: Iterable[Rows]) -> list[list[int]]:
     """Return the loops in which the border of triangles of one face passes rows, holes clockwise."""
     # where loops touch in a row they are one that passes it more than once
-    ways = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
+    directed = {pair for a, b, c in triangles for pair in ((a, b), (b, c), (c, a))}
     ahead = defaultdict[int, list[int]](list)
-    for a, b in sorted(ways, reverse=True):
-        if (b, a) not in ways:
+    for a, b in sorted(directed, reverse=True):
+        if (b, a) not in directed:
             ahead[a].append(b)
     loops = []
     while ahead:
@@ -193,7 +193,7 @@ def rims(triangles: Iterable[Rows]) -> list[list[int]]:
     return loops
 
 
-def _outline(triangles: Iterable[Rows], corners: Rows) -> Rows:
+def _loop(triangles: Iterable[Rows], corners: Rows) -> Rows:
     """Return corners in the order in which the rim of triangles passes them; as they are where it is not one loop."""
     loops, kept = rims(triangles), set(corners)
     loop = [v for v in loops[0] if v in kept]
@@ -210,12 +210,12 @@ def straightened(
     points: Array, edges: Mapping[tuple[int, int], frozenset[int]]
 ) -> dict[tuple[int, int], frozenset[int]]:
     """Return edges, each with the faces beside it, with those joined that go on straight between the same faces."""
-    left = dict(edges)
+    merged = dict(edges)
     at = defaultdict[tuple[int, frozenset[int]], list[tuple[int, int]]](list)
-    for edge, beside in edges.items():
+    for edge, faces in edges.items():
         for v in edge:
-            at[v, beside].append(edge)
-    for (v, beside), own in at.items():
+            at[v, faces].append(edge)
+    for (v, faces), own in at.items():
         if len(own) != 2:
             continue
         (a, b), (c, d) = own
@@ -225,8 +225,8 @@ def straightened(
         if u @ w < 0 and norms(cross(u, w)) <= DEFAULT.nominal * max(lengths) * min(lengths):
             joined = (min(one, two), max(one, two))
             for edge in own:
-                left.pop(edge, None)
-            left[joined] = beside
+                merged.pop(edge, None)
+            merged[joined] = faces
             for end in (one, two):
-                at[end, beside] = [joined if edge in own else edge for edge in at[end, beside]]
-    return left
+                at[end, faces] = [joined if edge in own else edge for edge in at[end, faces]]
+    return merged

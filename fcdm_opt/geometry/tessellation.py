@@ -90,8 +90,8 @@ class Swept(NamedTuple):
             return c[..., 0] * far - s[..., 0] * along - self.radius, c * outward - s * self.axis
         tube = far - self.ring
         long = np.hypot(tube, along)
-        ways = tube[:, None] * outward + along[:, None] * self.axis
-        return long - self.radius, ways / np.maximum(long, _TINY)[:, None]
+        radial = tube[:, None] * outward + along[:, None] * self.axis
+        return long - self.radius, radial / np.maximum(long, _TINY)[:, None]
 
     def bends(self, points: Array) -> Array:
         """Return the second derivatives of that distance at points, (n, 3, 3)."""
@@ -147,11 +147,11 @@ class Swept(NamedTuple):
         if self.line is not None:
             steps = np.roll(corners, -1, axis=1) - corners
             _, start, _ = self.about(corners.reshape(-1, 3))
-            rise, way, long = self.about(steps.reshape(-1, 3) + self.origin)
+            rise, radial, long = self.about(steps.reshape(-1, 3) + self.origin)
             c, s = self.line
             square = np.maximum(long**2, _TINY)
-            nearest = -(start * way).sum(axis=1) / square
-            aside, slope = norms(start + nearest[:, None] * way), s * rise
+            nearest = -(start * radial).sum(axis=1) / square
+            aside, slope = norms(start + nearest[:, None] * radial), s * rise
             steep = np.sqrt(np.maximum(((c * long) ** 2 - slope**2) * square, _TINY))
             share = np.clip(nearest + slope * aside / steep, 0.0, 1.0).reshape(-1, 3, 1)
             points = np.concatenate([corners, corners + share * steps], axis=1)
@@ -172,13 +172,13 @@ class Swept(NamedTuple):
         # a facet of a cone is steeper than the cone, so that its plane moved by what it leaves the cone would cut off
         # the rim beside it: by the angle between both times what lies between a corner and its foot, no more than twice
         # what is left where the rim is cut off at more than 27 degrees
-        left = self.deviations(corners)
+        off = self.deviations(corners)
         if self.line is None:
-            return left
+            return off
         one, two, three = corners.transpose(1, 0, 2)
         normals = cross(two - one, three - one)
         tilt = np.abs(normals @ self.axis) / np.maximum(norms(normals), _TINY) - abs(self.line[1])
-        return np.asarray(left * (1.0 + 2.0 * np.abs(tilt))[:, None])
+        return np.asarray(off * (1.0 + 2.0 * np.abs(tilt))[:, None])
 
 
 class Surfaces(NamedTuple):

@@ -33,12 +33,12 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
     sides = {pair for face in given or () for pair in zip(face, [*face[1:], face[0]], strict=True)}
     seen = [(k, piece[[0, j, j + 1]]) for k in shown if given for piece in exposed[k] for j in range(1, len(piece) - 1)]
     seen = [(k, own) for k, own in seen if norms(own - np.roll(own, 1, axis=0)).min() > walls.slack]
-    skin, facing = np.array([own for _, own in seen]), walls.normals[[k for k, _ in seen]]
+    visible, facing = np.array([own for _, own in seen]), walls.normals[[k for k, _ in seen]]
     # last those that no given face has: edges lie between them too
     for face, own in enumerate([*groups, *([k] for k in sorted(set(shown).difference(*groups)))]):
-        outline = None if given is None or face >= len(given) else walls.outlined(given[face], sides, skin, facing)
+        filled = None if given is None or face >= len(given) else walls.outlined(given[face], sides, visible, facing)
         for k in own:
-            pieces = [walls.loops[k]] if outline is None else []
+            pieces = [walls.loops[k]] if filled is None else []
             if pieces and sum(map(area, exposed[k])) < (1.0 - DEFAULT.nominal) * area(points[list(walls.loops[k])]):
                 pieces = []
                 for piece in exposed[k]:
@@ -48,18 +48,18 @@ def surface_of_parts(points: Array, hulls: list[Hull], given: list[list[int]] | 
             triangles += made
             normals += [walls.normals[k]] * sum(map(len, made))
             owners += [face] * sum(map(len, made))
-        if outline is not None:
-            triangles.append(outline)
-            normals += [unit_normals(points[outline[0]])] * len(outline)
-            owners += [face] * len(outline)
+        if filled is not None:
+            triangles.append(filled)
+            normals += [unit_normals(points[filled[0]])] * len(filled)
+            owners += [face] * len(filled)
     rows, places, owner = np.concatenate(triangles), np.array(corners), np.array(owners)
     if len(hulls) == 1:
         edges, hidden = np.sort(hulls[0].used[hulls[0].edges[:, :2]], axis=1), np.empty((0, 2), np.int64)
     else:
         known = np.unique(np.concatenate([*(hull.used for hull in hulls), *faces]).astype(np.int64))
         edges, hidden = _true_edges(points, hulls, known, places[rows], np.array(normals), owner, walls.slack)
-    named, outlines = owner < len(faces), tuple(map(tuple, faces))
-    return Surface(places, rows[named], owner[named], outlines, edges, hidden, outlines)
+    named, loops = owner < len(faces), tuple(map(tuple, faces))
+    return Surface(places, rows[named], owner[named], loops, edges, hidden, loops)
 
 
 class _Walls:
@@ -80,27 +80,27 @@ class _Walls:
     def exposed(self, k: int) -> list[Array]:
         """Return the convex polygons, (m, 3), that stay of a face where other parts are taken away one by one."""
         # a part with a face in its plane, turned the same way, covers nothing of it
-        outline, slack = self.points[list(self.loops[k])], self.slack
-        low, high = outline.min(axis=0) - slack, outline.max(axis=0) + slack
-        near, pieces = ((self._lows <= high) & (self._highs >= low)).all(axis=1), [outline]
+        loop, slack = self.points[list(self.loops[k])], self.slack
+        low, high = loop.min(axis=0) - slack, loop.max(axis=0) + slack
+        near, pieces = ((self._lows <= high) & (self._highs >= low)).all(axis=1), [loop]
         for part in np.flatnonzero(near).tolist():
             if part == self._part[k]:
                 continue
-            own, left = slice(*self._starts[part : part + 2]), list[Array]()
+            own, remaining = slice(*self._starts[part : part + 2]), list[Array]()
             normals, levels = self.normals[own], self.levels[own]
             for whole in pieces:
                 piece, heights = whole, whole @ normals.T - levels
-                beside = heights.min(axis=0) > slack
+                outside = heights.min(axis=0) > slack
                 level = (np.abs(heights).max(axis=0) <= slack) & (normals @ self.normals[k] >= DEFAULT.nominal)
-                if (beside | level).any():
-                    left.append(whole)
+                if (outside | level).any():
+                    remaining.append(whole)
                     continue
                 for plane in np.flatnonzero(heights.max(axis=0) > slack).tolist():
                     above = piece @ normals[plane] - levels[plane]
                     if len(piece) and above.max() > slack:
-                        left.append(clipped(piece, above))
+                        remaining.append(clipped(piece, above))
                         piece = clipped(piece, -above)
-            pieces = [piece for piece in left if len(piece) > 2]
+            pieces = [piece for piece in remaining if len(piece) > 2]
         return pieces
 
     def grouped(self, shown: list[int]) -> list[list[int]]:
@@ -139,16 +139,16 @@ class _Walls:
             groups[best].append(k)
         return groups
 
-    def _surrounded(self, k: int, outline: list[int]) -> bool:
+    def _surrounded(self, k: int, loop: list[int]) -> bool:
         """Tell whether a polygon, corners in order, goes round the middle of a face: its winding number is not zero."""
-        spokes = self.points[outline] - self.points[list(self.loops[k])].mean(axis=0)
+        spokes = self.points[loop] - self.points[list(self.loops[k])].mean(axis=0)
         ahead = np.roll(spokes, -1, axis=0)
         return bool(abs(np.arctan2(cross(spokes, ahead) @ self.normals[k], (spokes * ahead).sum(axis=1)).sum()) > np.pi)
 
-    def outlined(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> Ints | None:
+    def outlined(self, face: list[int], sides: set[tuple[int, int]], visible: Array, facing: Array) -> Ints | None:
         """Return triangles of a face given by its corners in order; None where that order goes round no face."""
         # they are turned as the parts' faces at its middle are; as given where these are turned to each other
-        if not self._is_round(face, sides, skin, facing):
+        if not self._is_round(face, sides, visible, facing):
             return None
         try:
             triangles = triangulated(self.points, [tuple(face)], [0], self.slack, "face")[0]
@@ -159,28 +159,28 @@ class _Walls:
         largest = int(norms(across).argmax())
         middle, normal = self.points[triangles[largest]].mean(axis=0), units(across[largest])
         level = np.abs(self.normals @ middle - self.levels) <= self.slack
-        ways = {
+        orientations = {
             bool(self.normals[k] @ normal > 0)
             for k in np.flatnonzero(level & (norms(cross(self.normals, normal)) <= DEFAULT.nominal)).tolist()
             if hold(self.points[[self.loops[k]]], self.normals[[k]], middle[None], self.slack).any()
         }
-        return triangles[:, ::-1] if ways == {False} else triangles
+        return triangles[:, ::-1] if orientations == {False} else triangles
 
-    def _is_round(self, face: list[int], sides: set[tuple[int, int]], skin: Array, facing: Array) -> bool:
+    def _is_round(self, face: list[int], sides: set[tuple[int, int]], visible: Array, facing: Array) -> bool:
         """Tell whether the order of a face's corners goes round it; with a hole it may go across."""
-        # each side is then one of another given face too, or a wall of another plane is there: `skin`, triangles with
+        # each side is then one of another given face too, or a wall of another plane is there: `visible`, those with
         # the normals `facing`
         inner = [(a, b) for a, b in zip(face, [*face[1:], face[0]], strict=True) if (b, a) not in sides]
         if not inner:
             return True
         plane = np.linalg.svd(self.points[face] - self.points[face].mean(axis=0))[2][2]
         bent = norms(cross(facing, plane)) > DEFAULT.snap
-        lows, highs = skin.min(axis=1) - self.slack, skin.max(axis=1) + self.slack
+        lows, highs = visible.min(axis=1) - self.slack, visible.max(axis=1) + self.slack
         for a, b in inner:
             places = self.points[a] + FRACTIONS[:, None] * (self.points[b] - self.points[a])
             near = bent & ((lows <= places.max(axis=0)) & (highs >= places.min(axis=0))).all(axis=1)
-            heights = ((places[:, None] - skin[near, 0]) * facing[near]).sum(axis=2)
-            on = (np.abs(heights) <= self.slack) & hold(skin[near], facing[near], places, self.slack)
+            heights = ((places[:, None] - visible[near, 0]) * facing[near]).sum(axis=2)
+            on = (np.abs(heights) <= self.slack) & hold(visible[near], facing[near], places, self.slack)
             if not on.any(axis=1).all():
                 return False
         return True
@@ -242,11 +242,11 @@ def _true_edges(
         near = np.flatnonzero(near & (np.abs(normals @ units(points[b] - points[a])) <= DEFAULT.snap))
         heights = ((places[:, None] - triangles[near, 0]) * normals[near]).sum(axis=2)
         on = (np.abs(heights) <= slack) & hold(triangles[near], normals[near], places, slack)
-        beside = [frozenset(owners[near[row]].tolist()) for row in on]
+        faces = [frozenset(owners[near[row]].tolist()) for row in on]
         bent = (row.any() and np.ptp(normals[near[row]], axis=0).max() > DEFAULT.snap for row in on)
-        if several := [own for own, is_bent in zip(beside, bent, strict=True) if is_bent]:
+        if several := [own for own, is_bent in zip(faces, bent, strict=True) if is_bent]:
             edges[a, b] = several[0]
-        elif not any(beside):
+        elif not any(faces):
             hidden.add((a, b))
     unseen = [edge for edge, own in cut.items() if hidden.issuperset(own)]
     joined = list(straightened(points, edges))

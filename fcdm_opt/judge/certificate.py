@@ -155,10 +155,10 @@ def _of_motion(solution: Solution, tolerances: Tolerances) -> tuple[Check, ...]:
 
 def same_as_read(solution: Bounded, checks: Sequence[Check], slack: float) -> tuple[Check, ...]:
     """Check that the certificate of a solution that was stored says what is found."""
-    told, found = solution.certificate, {check.name: check for check in checks}
-    if told is None or not told.read:
+    given, found = solution.certificate, {check.name: check for check in checks}
+    if given is None or not given.read:
         return ()
-    both = [(own, found[own.name]) for own in told.checks if own.name in found]
+    both = [(own, found[own.name]) for own in given.checks if own.name in found]
     wrong = [one.name for one, two in both if one.passed != two.passed or not _same(one, two, slack)]
     return (_at_most("certificate", len(wrong), 0, f"checks come out otherwise: {', '.join(wrong) or 'none'}"),)
 
@@ -172,10 +172,10 @@ def _same_derivatives(solution: Solution) -> tuple[Check, ...]:
     return (_at_most("sensitivity", len(wrong), 0, f"worked out anew, otherwise: {', '.join(wrong) or 'none'}"),)
 
 
-def _same(told: Check, found: Check, slack: float) -> bool:
+def _same(given: Check, found: Check, slack: float) -> bool:
     """Tell whether a check had the same value, but for rounding and what is within its limit; or nan both times."""
     room = slack + abs(found.limit) if isfinite(found.limit) else slack
-    return told.value == found.value or not abs(told.value - found.value) > room + 1e-6 * abs(found.value)
+    return given.value == found.value or not abs(given.value - found.value) > room + 1e-6 * abs(found.value)
 
 
 def proof_checks(solution: Solution) -> tuple[Check, ...]:
@@ -243,9 +243,9 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
             enough = least_outside(own, weights, half) >= amount * (1.0 - DEFAULT.requirement)
             low, high = (low, half) if enough else (half, high)
         return bool(held) and none_smaller(problems, high * sqrt(len(weights)))
-    alone = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
+    unique = q is not None and hypot(*(problems[0].weights * q)) >= amount and only_motion(problems, q, amount)
     slack = DEFAULT.requirement * amount + max(problem.contact_slack for problem in problems)
-    shown = alone or amount <= slack or none_smaller(problems, amount - slack)
+    shown = unique or amount <= slack or none_smaller(problems, amount - slack)
     return shown or none_shorter(problems, amount - slack)
 
 
@@ -265,7 +265,7 @@ def _out_of_touch(problem: Problem) -> float:
     seeds = problem.movable.seed, problem.static.seed
     both = zip((problem.movable, problem.static), problem.target.tolist(), seeds, strict=True)
     away = sum(scale * float(np.linalg.norm(body.vertices - seed, axis=1).max()) for body, scale, seed in both)
-    shares = np.linalg.svd(problem.motion.ways(*seeds) / problem.weights[:, None], compute_uv=False)
+    shares = np.linalg.svd(problem.motion.shift_vectors(*seeds) / problem.weights[:, None], compute_uv=False)
     far = 2.0 * (away + float(np.linalg.norm(seeds[0] - seeds[1])))
     return far / float(shares[-1]) if len(shares) == len(problem.weights) and shares[-1] > DEFAULT.nominal else inf
 
@@ -277,7 +277,7 @@ def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
     weights, rows = asked[0].weights, list[Array]()
     for own in asked:
         faces = [true_faces(body) for body in own.of_facets.bodies_made.values()]
-        shifts = own.motion.ways(own.movable.seed, own.static.seed) / weights[:, None]
+        shifts = own.motion.shift_vectors(own.movable.seed, own.static.seed) / weights[:, None]
         for met in own.round_contacts:
             for side, patches, point in zip(faces, met.patches, met.points, strict=True):
                 normals = [side.patches[k].gaps(point[None])[1][0] for k in patches if not side.is_round[k]]
@@ -298,11 +298,11 @@ def without_evidence(solution: Solution | AssemblySolution) -> str:
         from fcdm_opt.judge.placed_parts import shared_proofs
 
         short = [check.name.removeprefix(PROOF) for check in shared_proofs(solution) if not check.passed]
-        told = [f"of {name}: {NOT_BY_EQUATIONS}" for name in short]
+        texts = [f"of {name}: {NOT_BY_EQUATIONS}" for name in short]
         for pair, own in zip(solution.assembly.contacts, solution.contacts, strict=False):
             if own.problem.motion == solution.assembly.motions.get(pair.one) and (why := without_evidence(own)):
-                told.append(f"of {pair}: {why}")
-        return "; ".join(told)
+                texts.append(f"of {pair}: {why}")
+        return "; ".join(texts)
     solution = solution.reformulated
     problem = solution.problem
     known = solution.evidence is not None or (problem.contacts and all(own.passed for own in proof_checks(solution)))
@@ -339,8 +339,8 @@ def _by_distance(solution: Solution) -> float:
         return 0.0
     rate = 1.0
     if problem.amount == "weighted":
-        ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
-        rate = float(np.linalg.norm(ways.T / problem.weights, 2))
+        directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+        rate = float(np.linalg.norm(directions.T / problem.weights, 2))
     scaled = scaled_pair(problem.movable, problem.static)
     gap = judged_gaps(scaled, problem.target[None], np.eye(4), problem.contact_slack)[0]
     need = max(problem.clearance - gap, 0.0) if "clear" in wanted else abs(gap)
@@ -438,7 +438,7 @@ def judged_gaps(scaled: ScaledPair, pairs: Array, transform: Array, limit: float
     """Return signed distances by coal, confirmed by explicit vertices; exact arithmetic where they disagree."""
     # at several scale pairs, (k, 2), after one motion
     poses = np.repeat(transform[None], len(pairs), axis=0)
-    found, separations = (own.tolist() for own in scaled.both_ways(pairs, poses))
+    found, separations = (own.tolist() for own in scaled.distances_and_separations(pairs, poses))
     for k, (gap, separation) in enumerate(zip(found, separations, strict=True)):
         if isnan(gap):
             found[k] = separation
@@ -596,7 +596,7 @@ class _Judge:
             missing = (self.problem.signs * (target - self.rho) / target).max()
             return [_at_most("requirement", missing, slack, "relative distance short of the target's quadrant")]
         if goal in ("at", "seat") and self._play > self.limit:
-            claims = self._listed if self._together else self.claims
+            claims = self._listed if self._several else self.claims
             lines = np.array([claim.lines(self.transform[None])[0] for claim in claims])
             missing = np.abs(lines[:, 2] - lines[:, :2] @ target).max() if len(lines) else np.nan
             return [_at_most("requirement", missing, self._play, "of the contact lines, to within the steps' play")]
@@ -621,8 +621,8 @@ class _Judge:
         checks = [_at_least("contacts not overlapping", gaps.min(), -self.limit, "least gap of those listed")]
         nearest = [check.value - own.clearance for own, check in zip(problem.keep_out, self.scene(), strict=True)]
         if problem.motion.shifts and self._known and min(nearest, default=np.inf) > DEFAULT.active * problem.size:
-            ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
-            slopes, one = rows[:, :3] @ ways.T, np.ones((len(rows), 1))  # gaps fall along their normals
+            directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+            slopes, one = rows[:, :3] @ directions.T, np.ones((len(rows), 1))  # gaps fall along their normals
             program = linprog(
                 [*np.zeros(len(self.q)), 1.0],
                 A_ub=np.vstack([np.hstack([slopes, 0.0 * one]), np.hstack([-slopes, -one])]),
@@ -649,7 +649,7 @@ class _Judge:
         gap, claimed = self.gap, len(self.claims)
         distinct = len({_named(claim.feature) for claim in self.claims})
         stepped = self._play > self.limit
-        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._together))
+        apart = self.problem.goal in ("clear", FIT) or (stepped and (self.problem.goal == "touch" or self._several))
         if apart and not claimed and not abs(gap) <= self.limit:
             return []
         both = (self.problem.movable, "one"), (self.problem.static, "two")
@@ -663,7 +663,7 @@ class _Judge:
             own = self.problem.tracked_features
             tracked, allowed = ({_named(feature) for feature in some} for some in (self.solution.features, own))
             most = len(own) if self.problem.goal == "seat" or self.problem.contacts else min(2, len(own))
-            known = tracked <= allowed and (len(tracked) == most or (stepped and self._together))
+            known = tracked <= allowed and (len(tracked) == most or (stepped and self._several))
             checks.append(Check("nominal features", known, claimed, most, ", ".join(map(str, own))))
         for k, claim in enumerate(self.claims, 1):
             error = claim.errors(self.rho[None], self.transform[None])[0]
@@ -671,7 +671,7 @@ class _Judge:
         return checks
 
     @property
-    def _together(self) -> bool:
+    def _several(self) -> bool:
         """Whether several contacts are restored together: in whole steps each to within their play, and open."""
         return bool(self.problem.contacts)
 
@@ -765,7 +765,7 @@ class _Judge:
         """Check that the tracked features stay the real contact along the straight ray of the parameters."""
         if self.problem.goal not in TRACKING or self.problem.path != "coherent" or not self.claims:
             return []
-        s, poses, pairs = self._way
+        s, poses, pairs = self._path_samples
         start = np.abs(pairs[0] / self.problem.nominal_pair - 1).max()
         proofs = [claim.proofs(pairs, poses) for claim in self.claims]
         errors = np.maximum.reduce([least_errors(own, len(s)) for own in proofs])
@@ -791,12 +791,12 @@ class _Judge:
         if self.problem.goal != "seat":
             return []
         seats = self.problem.nominal_seats
-        kinds = {_named(name): seat.dimension for seat in seats for name in (seat.feature, seat.touching)}
+        kinds = {_named(name): flush.dimension for flush in seats for name in (flush.feature, flush.touching)}
         claims = {k: claim for k, claim in enumerate(self.claims, 1) if _named(claim.feature) in kinds}
         if not claims:
             return [_at_most("seat", float("nan"), 0, "no flush contact is claimed")]
         least = self.tolerances.shared * min(self.problem.movable.size, self.problem.static.size) / 2.0
-        s, poses, pairs = self._way
+        s, poses, pairs = self._path_samples
         checks = []
         for k, claim in claims.items():
             size = kinds[_named(claim.feature)]
@@ -922,7 +922,7 @@ class _Judge:
         return tuple(self.solution.parameters) == self.problem.motion.names
 
     @cached_property
-    def _way(self) -> tuple[Array, Array, Array]:
+    def _path_samples(self) -> tuple[Array, Array, Array]:
         """Positions on the straight ray of the parameters, and the pose and tracked scale pair at each."""
         return *self._ray, self._tracked(*self._ray)
 
@@ -950,13 +950,13 @@ class _Judge:
     def _status(self, state: str) -> Check:
         """Check that the status says what was found: how the pair is, and whether the motion leaves the fit."""
         status, outside = self.solution.status, outside_fit(self.solution)
-        said = {
+        expected = {
             Status.SOLVED: state != "overlapping",
             Status.PAIR_OVERLAPS: state == "overlapping",
             Status.ALREADY_SATISFIED: not self.q.any(),
             Status.NOT_VERIFIED: False,  # which is said of what fails
         }
-        agrees = said.get(status, True) and outside is (status is Status.OUTSIDE_FIT)
+        agrees = expected.get(status, True) and outside is (status is Status.OUTSIDE_FIT)
         where = "leaves" if outside else "stays in"
         note = f"{status.name}, the pair is {state}, the motion {where} the fit"
         return Check("status", agrees, self.pair_gap, self.limit, note)
@@ -976,5 +976,5 @@ class _Judge:
             determinant[np.abs(determinant) <= least] = np.nan  # parallel
             return np.column_stack([(c * e - b * f) / determinant, (a * f - c * d) / determinant])
         ab, c = lines[0][:, :2], lines[0][:, 2]
-        way = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
-        return way + ((c - (ab * way).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab
+        straight = self.problem.nominal_pair + s[:, None] * (self.problem.target - self.problem.nominal_pair)
+        return straight + ((c - (ab * straight).sum(axis=1)) / (ab * ab).sum(axis=1))[:, None] * ab

@@ -22,7 +22,7 @@ from fcdm_opt.geometry.collision import Direction, PerPair, ScaledPair, face_cor
 UNKNOWN = 0  # the sign of a direction that depends on the pose
 
 
-class _Host(NamedTuple):
+class _Carrier(NamedTuple):
     """A part pair that carries a claim: as `judging` takes it, and the parts' numbers."""
 
     one: Array  # vertices of both parts from the seeds
@@ -34,7 +34,7 @@ class _Host(NamedTuple):
     sign: int  # of the direction
     parts: tuple[int, int]
 
-    def towards(self, direction: Direction) -> _Host:
+    def towards(self, direction: Direction) -> _Carrier:
         across, along = (np.array(rows, dtype=np.int64) for rows in direction[:2])
         return self._replace(across=across, along=along, sign=direction.sign)
 
@@ -54,9 +54,9 @@ class Carriers:
         self.seeds = np.array([movable.seed, static.seed])
         self._parts = movable.parts, static.parts
         self._arms = [[part.vertices - body.seed for part in body.parts] for body in (movable, static)]
-        self._found: dict[Feature, tuple[_Host, ...]] = {}
+        self._found: dict[Feature, tuple[_Carrier, ...]] = {}
 
-    def of(self, feature: Feature) -> tuple[_Host, ...]:
+    def of(self, feature: Feature) -> tuple[_Carrier, ...]:
         """Return the part pairs; their directions have no sign where that takes a pose."""
         found = self._found.get(feature)
         if found is None:
@@ -64,7 +64,7 @@ class Carriers:
             found = self._found[feature] = tuple(self._carriers(feature))
         return found
 
-    def _carriers(self, feature: Feature) -> Iterator[_Host]:
+    def _carriers(self, feature: Feature) -> Iterator[_Carrier]:
         own = (
             [(k, rows) for k, part in enumerate(parts) for rows in part.carriers(element)]
             for parts, element in zip(self._parts, (feature.one, feature.two), strict=True)
@@ -77,7 +77,7 @@ class Carriers:
             elif feature.one.kind == "F":
                 direction = Direction(face_corners(one, one.loops.index(rows)), (), 1)
             first, second = (np.array(own, dtype=np.int64) for own in (rows, others))
-            bare = _Host(self._arms[0][i], self._arms[1][j], first, second, first, second, UNKNOWN, (i, j))
+            bare = _Carrier(self._arms[0][i], self._arms[1][j], first, second, first, second, UNKNOWN, (i, j))
             yield bare.towards(direction)
 
 
@@ -94,37 +94,37 @@ class Claim:
     def __init__(self, feature: Feature, carried: Carriers, scaled: ScaledPair, rho: Array, transform: Array) -> None:
         self.feature = feature
         self._seeds = carried.seeds
-        self._carriers = [self._signed(host, scaled, rho, transform) for host in carried.of(feature)]
+        self._carriers = [self._signed(carrier, scaled, rho, transform) for carrier in carried.of(feature)]
         if len(self._carriers) < 2 and feature.kind != "E1E2":
             return
         least = self._best_first(rho, transform)
         if feature.kind == "E1E2" and not least <= judging.TOUCH * scaled.reaches.min():
             # edges that are nearly parallel cross in any direction
-            self._carriers = [self._separated(host, scaled, rho, transform) for host in self._carriers]
+            self._carriers = [self._separated(carrier, scaled, rho, transform) for carrier in self._carriers]
             self._best_first(rho, transform)
 
     def _best_first(self, rho: Array, transform: Array) -> float:
         """Put the part pair with the least error first, and return that; infinite without any."""
-        errors = [self._errors(host, rho[None], transform[None])[0] for host in self._carriers]
+        errors = [self._errors(carrier, rho[None], transform[None])[0] for carrier in self._carriers]
         if not errors:
             return np.inf
         self._carriers.insert(0, self._carriers.pop(int(np.argmin(errors))))
         return float(min(errors))
 
-    def _signed(self, host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
+    def _signed(self, carrier: _Carrier, scaled: ScaledPair, rho: Array, transform: Array) -> _Carrier:
         """Return the host with its contact normal at this pose."""
-        if host.sign != UNKNOWN:
-            return host
+        if carrier.sign != UNKNOWN:
+            return carrier
         if self.feature.kind == "E1E2":
-            sign = judging.edge_sign(host.one, host.two, host.across, host.along, transform)
+            sign = judging.edge_sign(carrier.one, carrier.two, carrier.across, carrier.along, transform)
             if sign != UNKNOWN:
-                return host._replace(sign=sign)
-        return self._separated(host, scaled, rho, transform)
+                return carrier._replace(sign=sign)
+        return self._separated(carrier, scaled, rho, transform)
 
     @staticmethod
-    def _separated(host: _Host, scaled: ScaledPair, rho: Array, transform: Array) -> _Host:
+    def _separated(carrier: _Carrier, scaled: ScaledPair, rho: Array, transform: Array) -> _Carrier:
         """Return the host with the direction at its elements in which its parts are farthest apart as normal."""
-        return host.towards(scaled.best_direction(rho, transform, host.parts, (host.first, host.second)))
+        return carrier.towards(scaled.best_direction(rho, transform, carrier.parts, (carrier.first, carrier.second)))
 
     @property
     def parts(self) -> tuple[int, int] | None:
@@ -152,20 +152,20 @@ class Claim:
         """Return the `errors` on each part pair that has such elements: the parts' numbers, and (k,)."""
         # where an error is small that part pair touches, and no deeper than twice the error: the common point is as
         # near to both parts, and the plane through it keeps all vertices of the two parts apart
-        return [(host.parts, self._errors(host, pairs, poses)) for host in self._carriers]
+        return [(carrier.parts, self._errors(carrier, pairs, poses)) for carrier in self._carriers]
 
     def flush(self, pairs: Array, poses: Array) -> Array:
         """Return how flush the claimed elements are at each scale pair and pose, (k, 3), lengths."""
         # how far their vertices are from one plane, or of two edges from one line; the length of what they share, and
         # its width, of the part pair in which that is widest
         found = np.tile([np.inf, 0.0, 0.0], (len(poses), 1))
-        for host in self._carriers:
-            own = judging.contact_flushness(*host[:-1], self._seeds, pairs, poses)
+        for carrier in self._carriers:
+            own = judging.contact_flushness(*carrier[:-1], self._seeds, pairs, poses)
             wider = (own[:, 2] > found[:, 2]) | ((own[:, 2] == found[:, 2]) & (own[:, 1] > found[:, 1]))
             found[:, 0] = np.fmin(found[:, 0], own[:, 0])
             found[wider, 1:] = own[wider, 1:]
         return found
 
-    def _errors(self, host: _Host, pairs: Array, poses: Array) -> Array:
+    def _errors(self, carrier: _Carrier, pairs: Array, poses: Array) -> Array:
         pacing.check()
-        return judging.contact_errors(*host[:-1], self._seeds, pairs, poses)
+        return judging.contact_errors(*carrier[:-1], self._seeds, pairs, poses)

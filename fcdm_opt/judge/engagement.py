@@ -46,7 +46,7 @@ from fcdm_opt.problem.solution import Solution, Status
 from fcdm_opt.tolerances import DEFAULT
 
 GROWTH = 2.0  # times what the sizes change: parts that reach into each other by less may be taken apart by that alone
-LEFT = 0.1  # parts that reach into each other by less than this share of what they do as drawn are held no more
+HELD_SHARE = 0.1  # parts that reach into each other by less than this share of what they do as drawn are held no more
 TURN, MOST_STEPS = 0.2, 32  # in steps of at most so many radians a motion that turns is looked at, and in no more
 ALIKE = 0.1  # displacements that differ by less than this share of one of them are looked along once
 
@@ -81,23 +81,23 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     return holds(problem) or not (tracking or through or leads_away(problem, shift))
 
 
-def passage(problem: Problem, way: Array) -> tuple[float, float]:
+def passage(problem: Problem, shift: Array) -> tuple[float, float]:
     """Return how far body 1 may be shifted against and along a way, as drawn, before it leaves the fit; see above."""
     # infinite where the parts are no fit, or touch it no deeper than sizes may change
     problem = problem.of_facets
     if not holds(problem):
         return -np.inf, np.inf
-    length, ends = float(np.linalg.norm(way)), [-np.inf, np.inf]
+    length, ends = float(np.linalg.norm(shift)), [-np.inf, np.inf]
     one, two = _corners(problem, 0.0, REST)
     points, others = problem.movable.vertices, problem.static.vertices
     units = [1.0 if own.is_length else problem.size for own in problem.sizes]
     change = sum(unit * max(map(abs, own.tolerance or (0.0,))) for unit, own in zip(units, problem.sizes, strict=True))
     for side, sign in enumerate((-1.0, 1.0)):
-        past = past_after(one, two, sign * way / length, DEFAULT.side * problem.size)
+        past = past_after(one, two, sign * shift / length, DEFAULT.side * problem.size)
         ends[side] = min(ends[side], sign * past / length, key=abs)
-        deep = _depth(points, others, sign * way / length)
+        deep = _depth(points, others, sign * shift / length)
         if deep > GROWTH * change:
-            ends[side] = min(ends[side], sign * (1.0 - LEFT) * deep / length, key=abs)
+            ends[side] = min(ends[side], sign * (1.0 - HELD_SHARE) * deep / length, key=abs)
     return ends[0], ends[1]
 
 
@@ -116,7 +116,7 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
         pacing.check()
         after = _corners(problem, share, pose, keep_out)
         one, two = zip(before, after, strict=True)
-        if any(passes(one, two, way, DEFAULT.snap * size) for way in _displacements(one, two, size, turned > 0.0)):
+        if any(passes(one, two, shift, DEFAULT.snap * size) for shift in _displacements(one, two, size, turned > 0.0)):
             return True
         before = after
     return False
@@ -175,10 +175,10 @@ def _displacements(one: tuple[Array, Array], two: tuple[Array, Array], size: flo
     places, own = start.reshape(-1, 3), (end - start).reshape(-1, 3)
     outer = np.concatenate([places.argmin(axis=0), places.argmax(axis=0)])[: 6 * turns]
     found = list[Array]()
-    for way in np.vstack([own.mean(axis=0), own[outer]]) - (moved - others)[near].mean(axis=(0, 1)):
-        length = float(np.linalg.norm(way))
-        if length > DEFAULT.side * size and not any(np.linalg.norm(way - same) <= ALIKE * length for same in found):
-            found.append(way)
+    for shift in np.vstack([own.mean(axis=0), own[outer]]) - (moved - others)[near].mean(axis=(0, 1)):
+        length = float(np.linalg.norm(shift))
+        if length > DEFAULT.side * size and not any(np.linalg.norm(shift - same) <= ALIKE * length for same in found):
+            found.append(shift)
     return found
 
 
@@ -219,16 +219,16 @@ def _comes_off(problem: Problem, T: Array, points: Sequence[tuple[Array, Array]]
         for scales, each in zip((problem.nominal_pair, problem.target), zip(*points, strict=True), strict=True)
     )
     end = start @ T[:3, :3].T + T[:3, 3]
-    way = (end - start).mean(axis=0)
-    length = float(np.linalg.norm(way))
+    shift = (end - start).mean(axis=0)
+    length = float(np.linalg.norm(shift))
     if not length > DEFAULT.side * problem.size:
         return False
-    ahead = way / length
+    ahead = shift / length
     change = sum(float(np.abs((now - was) @ ahead).max()) for now, was in zip((start, others), drawn, strict=True))
     if not length > GROWTH * change:
         return False
     deep = _depth(drawn[0], drawn[1], ahead)
-    if not deep > GROWTH * change or (not past and _depth(end, others, ahead) > LEFT * deep):
+    if not deep > GROWTH * change or (not past and _depth(end, others, ahead) > HELD_SHARE * deep):
         return False
     overlap = depth_as_drawn(*drawn_bodies(problem), problem.nominal_pair)  # to be taken apart by the motion
     return deep > GROWTH * (change + overlap)

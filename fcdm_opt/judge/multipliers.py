@@ -151,9 +151,9 @@ class _Contacts:
         # no more is looked for than `enough`
         found = np.zeros(len(low))
         chosen = [self._chosen(*one) for one in zip(low, high, motions, strict=True)]
-        for ways in zip(*chosen, strict=True):
+        for directions in zip(*chosen, strict=True):
             if found.min() < enough:
-                found = np.maximum(found, self._bounds(low, high, motions, np.array(ways)))
+                found = np.maximum(found, self._bounds(low, high, motions, np.array(directions)))
         return found, motions
 
     def _chosen(self, low: Array, high: Array, y: Array) -> tuple[Array, ...]:
@@ -178,18 +178,18 @@ class _Contacts:
         far = FAR * max(float((np.maximum(-low, high) ** 2).sum()), DEFAULT.tie)
         return balanced, *(-own * far / max(float(own @ own), 1e-300) for own in (off, values))
 
-    def _bounds(self, low: Array, high: Array, y: Array, ways: Array) -> Array:
+    def _bounds(self, low: Array, high: Array, y: Array, multipliers: Array) -> Array:
         """Return such amounts by some multipliers, (n, rows)."""
         k = low.shape[1]
-        signed = ways * self._sides
+        signed = multipliers * self._sides
         # at the motions, then over the boxes and the ways to them
         n, both = len(low), (np.vstack([y, np.minimum(low, y)]), np.vstack([y, np.maximum(high, y)]))
-        given = [Interval(np.tile(signed[:, j], 2)) for j in range(ways.shape[1])]
+        given = [Interval(np.tile(signed[:, j], 2)) for j in range(multipliers.shape[1])]
         (found,), jumps = self._total([Interval.between(both[0][:, j], both[1][:, j]) for j in range(k)], given)
         wide = [Interval(*(np.broadcast_to(side, 2 * n) for side in (x.middle, x.radius))) for x in found]
         here, over = [x[:n] for x in wide], [x[n:] for x in wide]
         jumps = np.broadcast_to(np.asarray(jumps), 2 * n)[n:]
-        opened = np.maximum(-ways, 0.0).sum(axis=1) * self.largest / ROUNDED  # gaps that may be left
+        opened = np.maximum(-multipliers, 0.0).sum(axis=1) * self.largest / ROUNDED  # gaps that may be left
         value = here[0] + Interval(opened)
         slope = [here[1 + j] for j in range(k)]
         bend = [[over[1 + k + i * k + j] for j in range(k)] for i in range(k)]
@@ -199,7 +199,7 @@ class _Contacts:
         by_bends = sum(own.size * far[j] for j, own in enumerate(slope))
         by_bends = by_bends + 0.5 * np.einsum("in,ijn,jn->n", far, sides, far)
         by_slopes = sum(over[1 + j].size * far[j] for j in range(k))
-        closed = np.abs(ways).sum(axis=1) * DEFAULT.touch * self._problem.size
+        closed = np.abs(multipliers).sum(axis=1) * DEFAULT.touch * self._problem.size
         empty = value.high + np.fmin(by_bends, by_slopes) / ROUNDED < -closed  # what nearly closes counts as closed
         amounts = np.where(empty, np.inf, lagrangian_bounds(low, high, y, value, slope, bend))
         return np.where(jumps & (not self._smooth), 0.0, amounts)

@@ -85,11 +85,11 @@ class OneContact:
         # infinite where none does at all
         found, places = np.zeros(len(low)), motions.copy()
         for k, y in enumerate(motions):
-            for ways in self._choices(y, np.maximum(np.abs(low[k] - y), np.abs(high[k] - y))):
+            for choice in self._choices(y, np.maximum(np.abs(low[k] - y), np.abs(high[k] - y))):
                 if not found[k] < enough:
                     break
                 pacing.check()
-                each = [self._bounds(kind, given, low[k], high[k], y) for kind, given in ways]
+                each = [self._bounds(kind, given, low[k], high[k], y) for kind, given in choice]
                 if not each:  # as of a switching point, whose sizes follow the motion
                     break
                 amounts, least = (np.concatenate(own) for own in zip(*each, strict=True))
@@ -155,10 +155,10 @@ class OneContact:
         y, turning = np.clip(near, low, high), np.asarray(self.problem.motion.turning)
         for _ in range(STEPS):
             pose = self._at(y)
-            ways = {(i, j): self._directions_of(i, j, pose) for i, j in self.part_pairs}
-            short = {pair: float(own[-1].max()) - self._need(pair[1]) for pair, own in ways.items()}
+            directions = {(i, j): self._directions_of(i, j, pose) for i, j in self.part_pairs}
+            short = {pair: float(own[-1].max()) - self._need(pair[1]) for pair, own in directions.items()}
             pair = min(short, key=lambda pair: short[pair])
-            gap, n = short[pair], ways[pair][-2][ways[pair][-1].argmax()]
+            gap, n = short[pair], directions[pair][-2][directions[pair][-1].argmax()]
             X = self._corners(pair[0], pose)
             slope = np.where((low < high) & ~turning, self._slopes(pose, X[(X @ n).argmax()], n), 0.0)
             if not slope.any():
@@ -291,10 +291,10 @@ class OneContact:
         corners, none = (self._scene.movable[i], self._scene.obstacles[j].vertices), np.zeros(3)
         x, w = (p + d) @ R, p + need * n
         if contact.kind == F1V2:
-            normals, levels = _planes_within_reach(self.problem.active[0].parts[i], corners[0], need, n @ R)
+            normals, levels = _near_planes(self.problem.active[0].parts[i], corners[0], need, n @ R)
             off = float(distances_from(w[None], corners[1])[0])
             return F1V2, self._numbers(-normals, none, none, w, levels - off - self._rounding)
-        normals, levels = _planes_within_reach(self._scene.obstacles[j].part, corners[1], need, -n)
+        normals, levels = _near_planes(self._scene.obstacles[j].part, corners[1], need, -n)
         if contact.kind == V1F2:
             off = float(distances_from(x[None], corners[0])[0])
             return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding)
@@ -308,7 +308,7 @@ class OneContact:
         return V1F2, self._numbers(normals, none, x, none, levels - off - self._rounding, along, slopes, y)
 
 
-def _planes_within_reach(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
+def _near_planes(part: ConvexPart, corners: Interval, need: float, n: Array) -> tuple[Array, Array]:
     """Return planes below all of which all is in a part, or nearer to it than a length; one is across n if may be."""
     # normals, (f, 3), and levels, (f,)
     if need > 0.0:

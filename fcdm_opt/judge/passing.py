@@ -27,16 +27,16 @@ NEXT, LAST = [1, 2, 0], [2, 0, 1]  # the corners of a triangle after each, and b
 UNEVEN = np.sqrt(np.arange(2.0, 17.0))  # weights of points that a line is put between: on no line of symmetry
 
 
-def passes(one: tuple[Array, Array], two: tuple[Array, Array], way: Array, slack: float) -> bool:
+def passes(one: tuple[Array, Array], two: tuple[Array, Array], shift: Array, slack: float) -> bool:
     """Tell whether on lines along a way some of the second solid is ahead of the first before, and behind it after.
 
     Lines lie half-way between before and after. Where what meets on one is displaced across the way, as sizes change,
     all lines round about as far away as that are to tell the same.
 
     `one` and `two` are the corners, (t, 3, 3), of each solid's facets, counter-clockwise seen from outside, before and
-    after; `way`, (3,), how the first is displaced against the second where they meet. Facets within `slack` touch.
+    after; `shift`, (3,), how the first is displaced against the second where they meet. Facets within `slack` touch.
     """
-    length, frame = float(np.linalg.norm(way)), _frame(way)
+    length, frame = float(np.linalg.norm(shift)), _frame(shift)
     first, second = (_Seen.along(*own, frame) for own in (one, two))
     pairs = _crossed(first, second, length, slack)
     if not len(pairs):
@@ -61,9 +61,9 @@ def past_after(one: Array, two: Array, ahead: Array, slack: float) -> float:
     return float(apart[apart > slack].min(initial=np.inf))
 
 
-def _frame(way: Array) -> Array:
+def _frame(shift: Array) -> Array:
     """Return a right-angled frame whose last column is along a way."""
-    ahead = way / np.linalg.norm(way)
+    ahead = shift / np.linalg.norm(shift)
     across = np.linalg.svd(ahead[None])[2][1]
     return np.column_stack([across, np.cross(ahead, across), ahead])
 
@@ -120,10 +120,10 @@ def _crossed(one: _Seen, two: _Seen, length: float, slack: float) -> Ints:
     """Return which facets that look ahead may cross ones of the second that look back, (k, 2), widest first."""
     # those that cross are ahead before, or behind by no more than the length of the way, and behind after it
     rows, boxes = list[Ints](), list[Array]()
-    for own, sign, spare in ((one, 1.0, length), (two, -1.0, 0.0)):
+    for own, sign, raised in ((one, 1.0, length), (two, -1.0, 0.0)):
         facing = np.flatnonzero(sign * own.areas > slack * slack)
         heights, flat = own.corners[facing, ..., 2].reshape(-1, 6), own.flat[facing]
-        boxes.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - spare]))
+        boxes.append(np.column_stack([flat.min(axis=1), heights.min(axis=1) - raised]))
         boxes.append(np.column_stack([flat.max(axis=1), heights.max(axis=1) - slack]))
         rows.append(facing)
     low, high, under, over = boxes

@@ -58,12 +58,12 @@ def placed_checks(solution: AssemblySolution, tolerances: Tolerances, *, proof: 
         for keep_out in assembly.keep_out:
             check = certificate.keep_out_check(keep_out, made[part], scales[part], poses[part], limit, tolerances)
             checks.append(check._replace(name=kept_clear_by(part, keep_out.name)))
-    left = out_of_place(solution, poses)
-    told = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in left)
+    outside = out_of_place(solution, poses)
+    text = ", ".join(f"{one} leaves the place in which it is drawn in {two}" for one, two in outside)
     moved = any(any(own) for own in q.values())
     agrees = solution.status is not Status.NOT_VERIFIED and not (solution.status is Status.ALREADY_SATISFIED and moved)
-    agrees &= bool(left) is (solution.status is Status.OUTSIDE_FIT)
-    checks.append(Check(IN_PLACE, agrees, len(left), 0.0, told or "no part leaves its fit in another one"))
+    agrees &= bool(outside) is (solution.status is Status.OUTSIDE_FIT)
+    checks.append(Check(IN_PLACE, agrees, len(outside), 0.0, text or "no part leaves its fit in another one"))
     proofs = proofs_of(solution) if proof else ()
     return (*checks, *proofs, *certificate.same_as_read(solution, checks, DEFAULT.touch * assembly.size))
 
@@ -115,8 +115,8 @@ def proofs_of(solution: AssemblySolution) -> tuple[Check, ...]:
 
 def placed(solution: AssemblySolution) -> AssemblySolution:
     """Return a solution with status OUTSIDE_FIT where a part leaves its fit in another one; others as they are."""
-    left = solution.status.found and out_of_place(solution, solution.transforms)
-    return replace(solution, status=Status.OUTSIDE_FIT, amount_low=nan, amount_high=nan) if left else solution
+    outside = solution.status.found and out_of_place(solution, solution.transforms)
+    return replace(solution, status=Status.OUTSIDE_FIT, amount_low=nan, amount_high=nan) if outside else solution
 
 
 def out_of_place(solution: AssemblySolution, poses: Mapping[str, Array]) -> list[tuple[str, str]]:
@@ -184,13 +184,13 @@ def _motions(
     total = hypot(*(assembly.weights[part] * amount for part, amount in amounts.items()))
     if isinstance(assembly.amount, OwnAmount):
         total = float(assembly.amount.function([x for part in assembly.motions for x in q[part]]))
-    told = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
-    told = told if solution.amounts.keys() == amounts.keys() else float("nan")
+    amounts_off = max(abs(amount - solution.amounts.get(part, np.inf)) for part, amount in amounts.items())
+    amounts_off = amounts_off if solution.amounts.keys() == amounts.keys() else float("nan")
     slack = tolerances.requirement * total + tolerances.line * assembly.size
     beyond = max(solution.lower_bound - total, -solution.lower_bound)
     return [
         certificate._at_most("poses of parameters", off, limit, "largest displacement of a vertex between the two"),
-        certificate._at_most("amounts", told, slack, "of the parts"),
+        certificate._at_most("amounts", amounts_off, slack, "of the parts"),
         certificate._at_most("amount", abs(total - solution.amount), slack, "of all parts, weighted"),
         certificate._at_most("lower bound", beyond, slack, "from 0 to the amount"),
         certificate._at_most("limits", excess, tolerances.requirement * assembly.size),
@@ -201,8 +201,8 @@ def _motions(
 def _contacts(solution: AssemblySolution, poses: dict[str, Array], limit: float, tolerances: Tolerances) -> list[Check]:
     """Check each contact as that of two parts, that it is the one asked for, and that it is where the parts are."""
     assembly, checks = solution.assembly, list[Check]()
-    told = len(solution.contacts)
-    checks.append(Check("contacts", told == len(assembly.contacts), told, len(assembly.contacts), "all that are asked"))
+    count, wanted = len(solution.contacts), len(assembly.contacts)
+    checks.append(Check("contacts", count == wanted, count, wanted, "all that are asked"))
     for pair, own in zip(assembly.contacts, solution.contacts, strict=False):
         asked, problem = assembly.problem(pair), own.problem.of_facets
         keys = "goal", "contacts", "target", "clearance", "movable.vertices", "static.vertices"

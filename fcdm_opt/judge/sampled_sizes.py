@@ -78,18 +78,18 @@ class GapClaims:
     contact: tuple[Feature, tuple[int, int], Array] | None = None
     faces: tuple[int, int] | None = None  # plane faces of both bodies, by number from 0, whose gap alone it is
     name: str = ""  # before those of the checks
-    beside: Sequence[GapClaims] = ()  # of further contacts
+    further: Sequence[GapClaims] = ()  # of further contacts
 
     def checks(self) -> tuple[Check, ...]:
         """Return what the collision library says of it; raises `TimeOverError` before all ends of ranges are judged."""
-        every, found = (self, *self.beside), list[Check]()
+        every, found = (self, *self.further), list[Check]()
         for k, own in enumerate(every):
             with pacing.sharing(1.0 / (len(every) - k)):
                 found += own._checks()
         return tuple(found)
 
     def _checks(self) -> tuple[Check, ...]:
-        """Return the same without what is `beside`."""
+        """Return the same without what is `further`."""
         slack = DEFAULT.touch * max(body.size for body in self.bodies) + self.second_order
         if self.permanent_faces is not None:  # surfaces are taken from corners with the digits of files
             slack += max(body.rounding for body in self.bodies)
@@ -130,8 +130,8 @@ class GapClaims:
             _at_most("range", max((max(least - d, s - largest) for d, s in apart), default=0.0), slack, lost),
         ]
         if self.told is not None and made:
-            told = self.told(np.array([place for _, place in made])).tolist()
-            off = max(_off(own, *gap) for own, (gap, _) in zip(told, made, strict=True))
+            claimed = self.told(np.array([place for _, place in made])).tolist()
+            off = max(_off(own, *gap) for own, (gap, _) in zip(claimed, made, strict=True))
             checks.append(_at_most("gap at sampled sizes", off, slack + self.within, lost))
         if self.permanent:
             wide = max(gap[2] for gap in gaps if gap is not None)
@@ -173,10 +173,10 @@ class GapClaims:
         if self.contact is not None:
             pair = pair.between(*self.contact[1])
         if not self.permanent:
-            distance, separation = pair.both_ways(scales, here)
+            distance, separation = pair.distances_and_separations(scales, here)
             return float(distance[0]), float(separation[0]), 0.0
         each = {
-            (i, j): [float(own[0]) for own in pair.between(i, j).both_ways(scales, here)]
+            (i, j): [float(own[0]) for own in pair.between(i, j).distances_and_separations(scales, here)]
             for i, j in product(*(range(len(body.parts)) for body in bodies))
         }
         off = max(abs(each[own][0]) for own in self.permanent)
@@ -214,7 +214,7 @@ class GapClaims:
         """Return how far the elements of a contact are apart along their normal, of bodies kept as surfaces."""
         # whose parts are thin: how deep two of them overlap says nothing of the solids
         assert self.contact is not None
-        feature, _, way = self.contact
+        feature, _, direction = self.contact
         points = []
         for body, scale, element in zip(bodies, scales.tolist(), (feature.one, feature.two), strict=True):
             own = body.vertices[np.array(element.vertices) - 1]
@@ -224,8 +224,8 @@ class GapClaims:
         flat = max(sides, key=lambda own: (len(own) > 2, -len(own)))
         if len(flat) > 2 or all(len(own) == 2 for own in points):
             n = np.linalg.svd(flat if len(flat) > 2 else np.vstack(sides))[2][2]
-            way = n * np.sign(n @ way)
-        return float((points[1] @ way).min() - (points[0] @ way).max())
+            direction = n * np.sign(n @ direction)
+        return float((points[1] @ direction).min() - (points[0] @ direction).max())
 
 
 class _Solids:
@@ -294,8 +294,8 @@ class MotionClaims:
             if not np.isfinite([*q, amount, error, displaced]).all():
                 continue  # no motion, or nothing is told of its error
             off = self._missed(place, q, displaced)
-            told = float(np.linalg.norm(weights * q)) if weighted else amount
-            worst, count = np.maximum(worst, [off, abs(told - amount) - error]), count + 1
+            norm = float(np.linalg.norm(weights * q)) if weighted else amount
+            worst, count = np.maximum(worst, [off, abs(norm - amount) - error]), count + 1
         slack, note = 10.0 * self.scene.contact_slack, f"beyond the error told, at {count} sizes with a motion"
         return (
             _at_most("gap after the motion", worst[0], slack, note),
@@ -341,11 +341,11 @@ def _spread(box: Array) -> Array:
     return low + np.vstack([corners, rng.random((SAMPLED, len(box)))]) * (high - low)
 
 
-def _off(told: float, distance: float, separation: float, _: float = 0.0) -> float:
+def _off(claimed: float, distance: float, separation: float, _: float = 0.0) -> float:
     """Return how far a told gap is off: a separation, no more than the distance, where parts are apart; minus depth."""
     if not distance > 0.0:
-        return abs(told - distance)
-    return max(told - distance, min(distance, distance if np.isnan(separation) else separation) - told, 0.0)
+        return abs(claimed - distance)
+    return max(claimed - distance, min(distance, distance if np.isnan(separation) else separation) - claimed, 0.0)
 
 
 def _share(claim: ShareClaim) -> Check:

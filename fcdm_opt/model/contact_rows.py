@@ -347,20 +347,20 @@ def _meeting(task: Task, points: FeaturePoints) -> Feature:
 
 def _alignments(task: Task, seeds: Mapping[str, Array]) -> tuple[ContactRow, ...]:
     """Return what keeps flush elements parallel, without rows that are sums of others whatever the motion."""
-    turns = [(seat, turn) for seat in task.seats for turn in seat.turns]
+    turns = [(flush, turn) for flush in task.seats for turn in flush.turns]
     some = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, len(task.weights)))
     turned = [task.transform(q)[:3, :3] for q in some]
     values = np.array([[m @ R @ p for R in turned] for _, (m, p) in turns]).reshape(len(turns), SAMPLES)
     kept = independent(np.where(np.abs(values) > DEFAULT.nominal, values, 0.0))
     return tuple(
         ContactRow(
-            task.named(seat.parts),
+            task.named(flush.parts),
             alignment(task.motion),
             {**seeds, "directions": frozen(np.concatenate(turn))},
             np.empty(0),
             "aligned = 0",
         )
-        for seat, turn in (turns[k] for k in kept)
+        for flush, turn in (turns[k] for k in kept)
     )
 
 
@@ -379,7 +379,7 @@ def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping
     one, obstacle = task.movable.parts[parts[0]], task.obstacles[parts[1]]
     two, T = obstacle.part, task.transform(q)
     moved = T[:3, :3] @ task.movable.seed + T[:3, 3]
-    reach = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
+    support = task.target[0] * ((one.vertices - task.movable.seed) @ T[:3, :3].T @ normal).max() + normal @ moved
     numbers = {
         **seeds,
         "movable": frozen(one.vertices.T),
@@ -389,4 +389,4 @@ def _clearance(task: Task, parts: Parts, q: Array, normal: Array, seeds: Mapping
         "need": frozen([max(obstacle.need, 0.0)]),
     }
     function = separating_plane(task.motion, (len(one.vertices), len(two.vertices)))
-    return ContactRow(task.named(parts), function, numbers, frozen([*normal, reach]), "apart >= 0, unit = 0")
+    return ContactRow(task.named(parts), function, numbers, frozen([*normal, support]), "apart >= 0, unit = 0")

@@ -28,7 +28,7 @@ def spins(motion: Motion, movable: Body, static: Body) -> Array:
 def tilts(seats: Sequence[Flush], axes: Array) -> Array:
     """Return how fast each parameter tilts each direction that must stay aligned, at rest, (directions, k)."""
     # the axes, (k, 3), are as of `spins`
-    return np.array([axes @ crossed(p, m) for seat in seats for m, p in seat.turns]).reshape(-1, len(axes))
+    return np.array([axes @ crossed(p, m) for flush in seats for m, p in flush.turns]).reshape(-1, len(axes))
 
 
 def independent(rows: Array) -> list[int]:
@@ -54,33 +54,33 @@ def held(seats: Sequence[Flush], motion: Motion, movable: Body, static: Body) ->
     rates = tilts(seats, axes) if turning.any() else np.zeros((0, len(axes)))
     if not len(rates):
         return np.zeros(len(axes), dtype=bool)
-    _, sizes, ways = np.linalg.svd(rates[:, turning])
-    free = ways[int((sizes > DEFAULT.nominal).sum()) :]
+    _, sizes, vectors = np.linalg.svd(rates[:, turning])
+    free = vectors[int((sizes > DEFAULT.nominal).sum()) :]
     still = np.zeros(len(axes), dtype=bool)
     still[turning] = np.abs(free).max(axis=0, initial=0.0) <= DEFAULT.nominal
     if len(free) == 1:
         q = np.zeros(len(axes))
         q[turning] = free[0]
         R = motion.transform(q, movable.seed, static.seed)[:3, :3]
-        still |= turning & any(abs(m @ R @ p) > DEFAULT.nominal for seat in seats for m, p in seat.turns)
+        still |= turning & any(abs(m @ R @ p) > DEFAULT.nominal for flush in seats for m, p in flush.turns)
     return still
 
 
-def seat_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
+def flush_of(piece: Piece | TightLine, seats: Sequence[Flush]) -> Flush | None:
     """Return the flush contact that a piece of the curve is, if any; of parallel edges one of their planes."""
     # the facet that the piece names may be that of two edges, whose common normal a motion leaves undefined
-    same = [seat for seat in seats if piece.feature in (seat.feature, seat.touching)]
-    return max(same, key=lambda seat: float(seat.normal @ piece.normal), default=None)
+    same = [flush for flush in seats if piece.feature in (flush.feature, flush.touching)]
+    return max(same, key=lambda flush: float(flush.normal @ piece.normal), default=None)
 
 
 def untracked(seats: Sequence[Flush], tracked: Sequence[object], target: Array) -> tuple[Flush, ...]:
     """Return the flush contacts that others do not bring to the target pair: one for each plane that is not tracked."""
     # those of them that are tracked are among `tracked`
-    own = [seat for seat in seats if seat in tracked]
+    own = [flush for flush in seats if flush in tracked]
     kept: list[Flush] = []
-    for seat in seats:
-        known = [other for other in own + kept if other.whole and other.normal @ seat.normal > 1.0 - DEFAULT.nominal]
-        same = any(abs(seat.gap(target) - other.gap(target)) <= DEFAULT.shared * seat.least for other in known)
-        if seat not in own and not (seat.whole and same):
-            kept.append(seat)
+    for flush in seats:
+        known = [other for other in own + kept if other.whole and other.normal @ flush.normal > 1.0 - DEFAULT.nominal]
+        same = any(abs(flush.gap(target) - other.gap(target)) <= DEFAULT.shared * flush.least for other in known)
+        if flush not in own and not (flush.whole and same):
+            kept.append(flush)
     return tuple(kept)

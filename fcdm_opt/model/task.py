@@ -24,9 +24,9 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.bodies import Body, ConvexPart
 from fcdm_opt.geometry.measures import cross, least_vector, norms
 from fcdm_opt.geometry.naming import pair_in_words
-from fcdm_opt.geometry.packing import packed_together
+from fcdm_opt.geometry.packing import packed_in_one
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import held, independent, seat_of, spins, untracked
+from fcdm_opt.model.seats import flush_of, held, independent, spins, untracked
 from fcdm_opt.motion.kinematics import Kinematics
 from fcdm_opt.motion.motions import Motion
 from fcdm_opt.problem.amounts import OwnAmount
@@ -131,11 +131,11 @@ class Task:
         joints = problem.chosen_joints
         if joints:
             named = set(problem.contacts)
-            seats = tuple(seat for seat in problem.nominal_seats if {seat.feature, seat.touching} & named)
+            seats = tuple(flush for flush in problem.nominal_seats if {flush.feature, flush.touching} & named)
         elif problem.goal in TRACKING:
             lines = problem.tracked_lines
             if problem.goal == "seat":
-                pieces = tuple(seat_of(line, seats) or line for line in lines)
+                pieces = tuple(flush_of(line, seats) or line for line in lines)
             else:
                 pieces, flush = lines, tuple(p.feature if p.feature.is_flush else None for p in lines)
         tracked, others = (
@@ -206,9 +206,9 @@ class Task:
     @cached_property
     def _seating(self) -> tuple[Array, float]:
         """The least shift, (3,), that brings faces which stay flush onto one another, and by how much it misses."""
-        faces = [seat for seat in self.seats if seat.whole]
-        normals = np.array([seat.normal for seat in faces]).reshape(-1, 3)
-        gaps = np.array([seat.gap(self.target) for seat in faces])
+        faces = [flush for flush in self.seats if flush.whole]
+        normals = np.array([flush.normal for flush in faces]).reshape(-1, 3)
+        gaps = np.array([flush.gap(self.target) for flush in faces])
         found = np.linalg.lstsq(normals, gaps, rcond=DEFAULT.nominal)[0] if faces else np.zeros(3)
         return found, float(np.abs(normals @ found - gaps).max(initial=0.0))
 
@@ -528,7 +528,7 @@ class Task:
             gaps[:, columns] = kernels.near_gaps(*self.movable.packed, *packed, *seen, obstacle.need)
         return gaps
 
-    def beside_joints(self, pairs: Flags) -> Flags:
+    def without_joints(self, pairs: Flags) -> Flags:
         """Return which part pairs are among those given, (i, j), but for those that `joints` say all of."""
         found = pairs.copy()
         for joint in self.joints:
@@ -556,7 +556,7 @@ class Task:
         runs = [slice(first, last) for first, last in pairwise(starts)]
         first = slice(0, len(self.static.parts))  # these are packed already
         return tuple(
-            (run, self.static.packed if run == first else packed_together([own.part for own in self.obstacles[run]]))
+            (run, self.static.packed if run == first else packed_in_one([own.part for own in self.obstacles[run]]))
             for run in runs
         )
 
@@ -580,7 +580,7 @@ class Task:
             if found[parts] >= least:
                 break
             if found[parts] > 0.0:
-                found[parts] = self.pair_gaps(q, {parts: self.way_between(parts, q)})[parts]
+                found[parts] = self.pair_gaps(q, {parts: self.direction_between(parts, q)})[parts]
             least = min(least, float(found[parts]))
         return found
 
@@ -588,12 +588,12 @@ class Task:
         """Return the least of `pair_gaps` over the static body's parts."""
         return float(gaps[:, : len(self.static.parts)].min())
 
-    def way_between(self, parts: Parts, q: Array) -> Array:
+    def direction_between(self, parts: Parts, q: Array) -> Array:
         """Return the direction along which two parts are their distance apart; of overlapping parts, of a facet."""
         # the differences of their points are {v: n_i . v >= gap_i} over facet directions: of these the nearest to 0
         _, rows, gaps = self.separations(parts, self.pose(q))
-        way = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
-        return frozen(rows[gaps.argmax(), :3]) if way is None else way
+        nearest = least_vector(rows[gaps > 0, :3], gaps[gaps > 0]) if (gaps > 0).any() else None
+        return frozen(rows[gaps.argmax(), :3]) if nearest is None else nearest
 
     def tracked_contact(self, q: Array, s: float = 1.0) -> tuple[Array, Array, tuple[Tracked, ...]]:
         """Return (scale pair, pose, features) of the tracked contact at path position s."""
@@ -667,7 +667,7 @@ class Task:
             overlaps: list[float] | None = []
         else:
             overlaps = overlaps_between(self.movable, self.static, ends, touching, self.flat)
-        alike = all(len(seat.carriers) == 1 or seat.holds_between(*ends) for seat in self.seats)
+        alike = all(len(flush.carriers) == 1 or flush.holds_between(*ends) for flush in self.seats)
         return None if overlaps is None or not alike else [1.0, *overlaps, *self._renamed(q, tracked, *ends)]
 
     def _renamed(
@@ -680,8 +680,8 @@ class Task:
             one, two = self.movable.parts[feature.parts[0]], self.static.parts[feature.parts[1]]
             if whole is not None and (one.elements.spans or two.elements.spans):
                 places = self.path_positions(q)
-                ways = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
-                names = features_along(one, two, supporting_contact(one, two, feature.normal, ways[0][0]), ways)
+                path = [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in places]
+                names = features_along(one, two, supporting_contact(one, two, feature.normal, path[0][0]), path)
                 found += [s for s, name in zip(places, names, strict=True) if name != whole][:1]
         return found
 
@@ -691,7 +691,7 @@ class Task:
             contact = supporting_contact(one, two, feature.normal, pose)
             if whole is not None and whole != located(one, two, pose, contact, rho).feature:
                 return False
-        return all(seat.holds(pose, rho, self.flat) for seat in self.seats)
+        return all(flush.holds(pose, rho, self.flat) for flush in self.seats)
 
     def meets(self, q: Array, slack: float, normals: Mapping[Parts, Array] | None = None, *, path: bool = True) -> bool:
         """Tell whether a motion meets goal, pair state and, with `path`, coherence to within a relative slack."""
@@ -708,8 +708,8 @@ class Task:
         gaps, slack = self.pair_gaps(q, normals), slack * self.size
         short = (gaps > 0) & (gaps < self.needs - slack)
         if short.any():  # facet directions understate the distance of corners and edges
-            ways = {(i, j): self.way_between((i, j), q) for i, j in np.argwhere(short).tolist()}
-            gaps = self.pair_gaps(q, {**(normals or {}), **ways})
+            directions = {(i, j): self.direction_between((i, j), q) for i, j in np.argwhere(short).tolist()}
+            gaps = self.pair_gaps(q, {**(normals or {}), **directions})
         return bool((gaps >= self.needs - slack).all()) and not (self.must_touch and self.contact_gap(gaps) > slack)
 
     def restores(self, q: Array, slack: float) -> bool:
@@ -720,7 +720,7 @@ class Task:
         for joint in self.joints:  # some part pair that carries it touches
             if not min(abs(self.separations(parts, pose)[2].max()) for parts in joint.carriers) <= slack:
                 return False
-        return all(seat.holds(pose, self.target, self.flat) for seat in self.seats)
+        return all(flush.holds(pose, self.target, self.flat) for flush in self.seats)
 
     @property
     def is_equation(self) -> bool:
@@ -762,8 +762,8 @@ def _shifts_at_right_angles(problem: Problem) -> bool:
     """Tell whether the motion shifts along directions at right angles: all vertices then move by the norm of q."""
     if not problem.motion.shifts:
         return False
-    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
-    return bool(np.abs(ways @ ways.T - np.eye(len(ways))).max() <= DEFAULT.tie)
+    directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
+    return bool(np.abs(directions @ directions.T - np.eye(len(directions))).max() <= DEFAULT.tie)
 
 
 def _held_limits(problem: Problem, seats: tuple[Flush, ...]) -> Array:

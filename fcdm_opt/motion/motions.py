@@ -118,9 +118,9 @@ class Motion:
         """Which parameters are of a line that joins the seeds, and turns with what other parameters do, (k,)."""
         return np.array([step.own_along_seeds for step in self.owners], bool)
 
-    def ways(self, movable_seed: Any, static_seed: Any) -> Array:
+    def shift_vectors(self, movable_seed: Any, static_seed: Any) -> Array:
         """Return what each parameter shifts a body that never turns, (k, 3), see `shifts`."""
-        return _ways(self, (*map(float, movable_seed), *map(float, static_seed)))
+        return _shift_vectors(self, (*map(float, movable_seed), *map(float, static_seed)))
 
     def shifts_by(self, q: Array) -> bool:
         """Tell whether it does so all the way to parameters q."""
@@ -139,8 +139,8 @@ class Motion:
 
     def with_numbers(self, numbers: Sequence[Any]) -> Motion:
         """Return the same steps with other numbers, of any kind of scalars: symbols, or zeros; nothing is checked."""
-        left = iter(numbers)
-        return Sequenced(tuple(step.own_with([next(left) for _ in step.own_numbers]) for step in self.steps))
+        remaining = iter(numbers)
+        return Sequenced(tuple(step.own_with([next(remaining) for _ in step.own_numbers]) for step in self.steps))
 
     def __rshift__(self, other: Motion) -> Motion:
         """Return this motion followed by `other`."""
@@ -248,8 +248,8 @@ class Motion:
             T = self.transform(values, movable_seed, static_seed)
             return points @ T[:3, :3].T + T[:3, 3]
 
-        ways = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
-        return float(np.linalg.norm(ways, axis=3).max(axis=(1, 2)).sum())
+        changes = [[moved(q + sign * step) - moved(q) for sign in (1.0, -1.0)] for step in np.diag(steps)]
+        return float(np.linalg.norm(changes, axis=3).max(axis=(1, 2)).sum())
 
     def describe(self, q: Sequence[float] | Array, *, unit: str = "", digits: int = 6) -> str:
         """Return the motion in words, degrees and lengths, in a unit or without: "TZ 0.25 mm + RZ 7.02 deg"."""
@@ -412,14 +412,14 @@ class Straight(Step):
         """Return a shift along the line, a turn about it by the right-hand rule, or both."""
         along, about = self.movements(q)
         if about and along:
-            return "screw", f"{_angle(about)} about and {measured(along, unit, 4)} along {self.told_line(1.0)}"
+            return "screw", f"{_angle(about)} about and {measured(along, unit, 4)} along {self.line_text(1.0)}"
         if about:
-            return "turn", f"{_angle(abs(about))} about {self.told_line(about)}"
-        return "move", f"{measured(abs(along), unit, 4)} along {self.told_line(along)}"
+            return "turn", f"{_angle(abs(about))} about {self.line_text(about)}"
+        return "move", f"{measured(abs(along), unit, 4)} along {self.line_text(along)}"
 
-    def told_line(self, sign: float) -> str:
+    def line_text(self, sign: float) -> str:
         """Return the line in words, backwards where the sign is negative; a seed that it goes through is not told."""
-        return _way(self.line(ORIGIN, ORIGIN)[0], sign)
+        return direction_text(self.line(ORIGIN, ORIGIN)[0], sign)
 
 
 @known_arguments
@@ -667,11 +667,11 @@ class Screw(Straight):
         """With infinite pitch; along the line of the seeds as the first step only."""
         return self._endless and (first or self.axis != "seeds")
 
-    def told_line(self, sign: float) -> str:
+    def line_text(self, sign: float) -> str:
         """Return the line in words."""
         if self.axis == "seeds":
             return "the line from seed to seed" + (", backwards" if sign < 0.0 else "")
-        return f"{super().told_line(sign)} through {_place(self.line(ORIGIN, ORIGIN)[1])}"
+        return f"{super().line_text(sign)} through {_place(self.line(ORIGIN, ORIGIN)[1])}"
 
     def own_words(self, q: list[float], unit: str = "", digits: int = 6) -> str:
         """Parameters in words: translation and angle, as in the paper's tables."""
@@ -729,13 +729,13 @@ class Free(Step):
 
     def own_description(self, q: list[float], unit: str = "") -> tuple[str, str]:
         """Return a shift, and a turn about the seed."""
-        told = []
+        texts = []
         for vector, size, where in ((q[:3], lambda x: measured(x, unit, 4), "along"), (q[3:], _angle, "about")):
             if (long := math.hypot(*vector)) > 0.0:
-                told.append(f"{size(long)} {where} {_way([x / long for x in vector], 1.0)}")
+                texts.append(f"{size(long)} {where} {direction_text([x / long for x in vector], 1.0)}")
         if any(q[3:]):
-            told[-1] += " through its seed"
-        return "move", ", turned ".join(told) or measured(0.0, unit, 4)
+            texts[-1] += " through its seed"
+        return "move", ", turned ".join(texts) or measured(0.0, unit, 4)
 
     def own_shifts_by(self, q: list[float], first: bool) -> bool:
         """Where no rotation is asked."""
@@ -755,7 +755,7 @@ def _kinematics(motion: Motion, seeds: tuple[float, ...]) -> Kinematics:
 
 
 @lru_cache(maxsize=64)
-def _ways(motion: Motion, seeds: tuple[float, ...]) -> Array:
+def _shift_vectors(motion: Motion, seeds: tuple[float, ...]) -> Array:
     return frozen([motion.transform(step, seeds[:3], seeds[3:])[:3, 3] for step in np.eye(len(motion.names))])
 
 
@@ -894,13 +894,13 @@ def _angle(x: float) -> str:
     return f"{math.degrees(x):.4g} deg"
 
 
-def _way(direction: Sequence[float], sign: float) -> str:
+def direction_text(direction: Sequence[float], sign: float) -> str:
     """Return a direction in words: "+z", or its components; turned round where the sign is negative."""
-    way = [math.copysign(1.0, sign) * x + 0.0 for x in direction]
+    components = [math.copysign(1.0, sign) * x + 0.0 for x in direction]
     for name, axis in AXES.items():
-        if way == list(axis):
+        if components == list(axis):
             return name if name[0] == "-" else f"+{name}"
-    return f"({', '.join(number_text(x, 4) for x in way)})"
+    return f"({', '.join(number_text(x, 4) for x in components)})"
 
 
 def _place(point: Sequence[float]) -> str:

@@ -89,8 +89,8 @@ def _of_all_kinds(near: NearFacets) -> Ints:
     """Return the order in which to take pairs of facets: the nearest of those flush in each direction, the next, ..."""
     normals = [unit_normals(near.corners[:, own]) for own in (0, 1)]
     flush = (normals[0] * normals[1]).sum(axis=1) <= DEFAULT.side - 1.0
-    ways = np.where(flush[:, None], normals[0].round(DIGITS), 0.0) + 0.0
-    kind = np.unique(ways, axis=0, return_inverse=True)[1].reshape(-1)
+    directions = np.where(flush[:, None], normals[0].round(DIGITS), 0.0) + 0.0
+    kind = np.unique(directions, axis=0, return_inverse=True)[1].reshape(-1)
     order = np.lexsort((near.heights.max(axis=1), kind))
     starts = np.searchsorted(kind[order], kind[order])
     return np.asarray(order[np.argsort(np.arange(len(order)) - starts, kind="stable")])
@@ -171,7 +171,7 @@ def expand_active_parts(
         return None
     movable, static, pose = problem.movable, problem.static, np.eye(4) if transform is None else transform
     kept = [np.isin(np.arange(len(own.parts)), rows) for own, rows in zip((movable, static), known, strict=True)]
-    reasons = [_overlapping(problem, movable, static, pose), *_beside_keep_outs(problem, movable, pose)]
+    reasons = [_overlapping(problem, movable, static, pose), *_near_keep_outs(problem, movable, pose)]
     found = [_new(*reason, kept, most) for reason in reasons]
     if "touch" in (problem.goal, problem.pair) and not problem.contacts:
         sooner = (_new(*reason, kept, most) for reason in _touching_sooner(problem, movable, static, amount, kept))
@@ -225,7 +225,7 @@ def _overlapping(problem: Problem, movable: Body, static: Body, pose: Array) -> 
     return near.parts[depth < -slack], depth[depth < -slack]
 
 
-def _beside_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[Reason]:
+def _near_keep_outs(problem: Problem, movable: Body, pose: Array) -> Iterator[Reason]:
     """Yield the parts of body 1 that are too near a keep-out at a pose, for each and either end of its scales."""
     for keep_out in problem.keep_out:
         for scale in keep_out.ends:
@@ -248,7 +248,7 @@ def _touching_sooner(
     distances = NEAREST * size * 2.0 ** np.arange(math.ceil(math.log2(distance / (NEAREST * size))) + 1)
     shifts = np.empty((0, 3))
     if problem.motion.shifts:
-        shifts = problem.motion.ways(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
+        shifts = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     line = shifts[0] / np.linalg.norm(shifts[0]) if len(shifts) == 1 else None
     # bounds by axis of where a shift of the amount 1 leads
     along = np.linalg.norm(shifts, axis=0) / fastest + DEFAULT.cut if len(shifts) else 1.0

@@ -224,7 +224,7 @@ class AssemblySolution(Bounded):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data as `Solution.to_dict`; pairs of parts as "one - two", contacts with the names of theirs."""
-        told = {
+        data = {
             "name": self.assembly.name,
             "unit": self.assembly.unit,
             "contacts": [
@@ -234,15 +234,15 @@ class AssemblySolution(Bounded):
             "gaps": {" - ".join(pair): gap for pair, gap in self.gaps.items()},
             "keep_out_gaps": {" - ".join(both): gap for both, gap in self.keep_out_gaps.items()},
         }
-        return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}
+        return {name: plain(data[name] if name in data else getattr(self, name)) for name in self.plain_names}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild a solution from `to_dict`; raises `InputError` naming a missing or wrong key."""
         try:
             assembly = Assembly.from_dict(data["assembly"])
-            told = zip(assembly.contacts, data["contacts"], strict=bool(data["contacts"]))
-            contacts = tuple(_contact(assembly, pair, own) for pair, own in told)
+            pairs = zip(assembly.contacts, data["contacts"], strict=bool(data["contacts"]))
+            contacts = tuple(_contact(assembly, pair, own) for pair, own in pairs)
             read = super().from_dict({**data, "assembly": assembly, "contacts": contacts})
             read._check_shapes()
         except (KeyError, TypeError, ValueError) as reason:
@@ -266,14 +266,14 @@ class AssemblySolution(Bounded):
             raise InputError("not the motions' parameters", key="parameters", found=found, allowed=str(asked))
 
 
-def _contact(assembly: Assembly, pair: JoinedPair, told: Mapping[str, Any]) -> Solution:
+def _contact(assembly: Assembly, pair: JoinedPair, given: Mapping[str, Any]) -> Solution:
     """Return the solution of a contact, in the parameters of one part's motion or, as PART.NAME, of several."""
-    if [*told["parts"]] != [*pair[:2]]:
-        raise InputError("not the assembly's contact", key="contacts.parts", found=told["parts"], allowed=str(pair))
-    problem = assembly.problem(pair, _parts_of(told["parameters"]))
-    problem = problem if told.get("goal", problem.goal) == problem.goal else problem.to_touch()
-    problem = problem.with_exact_points(told["exact_at"]).asked if "exact_at" in told else problem
-    return Solution.from_dict({**told, "problem": problem})
+    if [*given["parts"]] != [*pair[:2]]:
+        raise InputError("not the assembly's contact", key="contacts.parts", found=given["parts"], allowed=str(pair))
+    problem = assembly.problem(pair, _parts_of(given["parameters"]))
+    problem = problem if given.get("goal", problem.goal) == problem.goal else problem.to_touch()
+    problem = problem.with_exact_points(given["exact_at"]).asked if "exact_at" in given else problem
+    return Solution.from_dict({**given, "problem": problem})
 
 
 def _exact_at(pair: JoinedPair, solution: Solution) -> dict[str, Any]:

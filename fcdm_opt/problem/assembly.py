@@ -192,9 +192,9 @@ class Assembly(AnyScene):
             if not isinstance(motion, Motion) or not motion.parameters:
                 allowed = "a Motion with parameters"
                 raise InputError("not a motion", key=f"motions.{part}", found=motion, allowed=allowed)
-        ways = [way for motion in moved.values() for way in motion.directions]
+        directions = [direction for motion in moved.values() for direction in motion.directions]
         others = keep_outs(keep_out)
-        both = matched((*bodies.values(), *(other.body for other in others)), ways)
+        both = matched((*bodies.values(), *(other.body for other in others)), directions)
         others = tuple(map(KeepOut.with_body, others, both[len(bodies) :]))
         bodies = dict(zip(bodies, both, strict=False))
         for k, other in enumerate(others, 1):
@@ -289,8 +289,8 @@ class Assembly(AnyScene):
     def kinematics(self) -> dict[str, Kinematics]:
         """Of what carries each part."""
         around = {part: JoinedPair(part, self.fixed[0], {}) for part in self.motions}
-        ways = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
-        return {part: way.kinematics(np.zeros(3), np.zeros(3)) for part, way in ways.items()}
+        motions = {part: self._shared(pair, tuple(self.motions))["motion"] for part, pair in around.items()}
+        return {part: motion.kinematics(np.zeros(3), np.zeros(3)) for part, motion in motions.items()}
 
     def changed(self, **arguments: Any) -> Assembly:
         """Return the same question with other arguments; raises as the constructor does.
@@ -498,9 +498,9 @@ class Assembly(AnyScene):
             for part, start in zip(parts, starts, strict=False)
         }
         one, two = self.chain(pair.one), self.chain(pair.two)
-        ways = (tuple(carried[part] for part in own if part not in other) for own, other in ((one, two), (two, one)))
+        sides = (tuple(carried[part] for part in own if part not in other) for own, other in ((one, two), (two, one)))
         names = tuple(Parameter(each.name, each.kind) for each in own)
-        return {"motion": Relative(names, *ways), "weights": weights, "limits": limits}
+        return {"motion": Relative(names, *sides), "weights": weights, "limits": limits}
 
 
 # --------------------------------------------------------------------------------------------------------------- checks

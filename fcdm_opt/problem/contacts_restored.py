@@ -334,7 +334,7 @@ def _points_at(problem: Problem, before: Sequence[Pairs], q: Array) -> list[Near
 def _rows_of_points(problem: Problem, points: Sequence[NearestPoints], q: Array) -> Rows:
     """Return the rows of true faces, by where they are nearest after a shift, then those of `flat_contacts`."""
     seeds = problem.movable.seed, problem.static.seed
-    pose, shifts = problem.motion.transform(q, *seeds), -problem.motion.ways(*seeds) / problem.weights[:, None]
+    pose, shifts = problem.motion.transform(q, *seeds), -problem.motion.shift_vectors(*seeds) / problem.weights[:, None]
     flat = (_plane_gap(problem, own, pose) for own in flat_contacts(problem))
     round_ones: Rows = [(own.gap, shifts @ own.normal, _is_plane(problem, own)) for own in points]
     return round_ones + [(gap, shifts @ normal, True) for gap, normal in flat]

@@ -233,8 +233,8 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
                 raise InputError("not the triangles of the faces", key="triangles", allowed=allowed)
             drawn = tuple(tuple(tuple(label - 1 for label in own) for own in face) for face in self.triangles)
             body = body.with_triangles(drawn)
-        told: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
-        told["rounding"] = self.rounding
+        given: dict[str, Any] = {"deviation": self.deviation, "notes": tuple(self.notes), "unit": self.unit}
+        given["rounding"] = self.rounding
         if self.facet_errors is not None:
             errors = np.zeros((len(body.faces), 2))
             for face, *own in self.facet_errors:
@@ -249,7 +249,7 @@ class BodyEntry(Entry, title="Bodies", json_schema_extra=one_of(("vertices",), (
             if wrong:
                 allowed = f"1 to {len(body.faces)}"
                 raise InputError("no such face", key="surfaces.faces", found=wrong[0], allowed=allowed)
-        return replace(body, **{key: value for key, value in told.items() if value})
+        return replace(body, **{key: value for key, value in given.items() if value})
 
 
 def _shifted(groups: list[list[int]]) -> list[list[int]]:

@@ -69,9 +69,9 @@ def least_lengths(low: Array, high: Array) -> Array:
 
 
 class ProofData:
-    """Base of what a bound rests on: plain data made of arrays, whose `told` says in words what it is."""
+    """Base of what a bound rests on: plain data made of arrays, whose `text` says in words what it is."""
 
-    told: str
+    text: str
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data: every array packed as text, see `from_dict`."""
@@ -109,7 +109,7 @@ class Multipliers(ProofData):
     motions: Array
 
     @property
-    def told(self) -> str:  # type: ignore[override]
+    def text(self) -> str:  # type: ignore[override]
         """What it is made of, in words."""
         count = len(self.boxes)
         return f"multipliers of contacts in {count} box{'es' if count != 1 else ''} of motions"
@@ -158,7 +158,7 @@ class Evidence(ProofData):
         return float((self.fronts * least_lengths(*self.column_boxes.swapaxes(0, 1))).min(initial=np.inf))
 
     @property
-    def told(self) -> str:  # type: ignore[override]
+    def text(self) -> str:  # type: ignore[override]
         """What it is made of, in words."""
         return f"{len(self.reasons)} cells of motions that will not do, in {len(self.fronts)} columns of directions"
 

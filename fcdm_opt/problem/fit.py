@@ -19,7 +19,7 @@ from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, is_plane_there, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.naming import ROUND, Round, is_round, round_faces, told_element, with_article
+from fcdm_opt.geometry.naming import ROUND, Round, element_text, is_round, round_faces, with_article
 from fcdm_opt.geometry.resizing import resized_part_corners
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
@@ -150,7 +150,7 @@ def _change(problem: Problem) -> float:
         drawn_bodies(problem), problem.bodies[:2], corners, problem.nominal_pair, problem.target, strict=True
     ):
         if drawn is made:
-            change += abs(after - before) * max(part.reach for part in made.parts)
+            change += abs(after - before) * max(part.circumradius for part in made.parts)
             continue
         was = [before * (part.vertices - part.seed) for part in drawn.parts]
         now = [after * (own - part.seed) for own, part in zip(points, drawn.parts, strict=True)]
@@ -248,13 +248,13 @@ def misfit(problem: Problem) -> Misfit | None:
         zip((problem.movable, problem.static), problem.target, (1.0, -1.0), strict=True)
     ):
         for rows in filter(len, groups_of(places[:, k])):
-            ways, points = side * normals[rows], corners[k][places[rows[0], k]] - body.seed
-            reaches[rows, k] = ways @ body.seed + rho * (points @ ways.T).max(axis=0)
+            directions, points = side * normals[rows], corners[k][places[rows[0], k]] - body.seed
+            reaches[rows, k] = directions @ body.seed + rho * (points @ directions.T).max(axis=0)
     gaps = -reaches.sum(axis=1)
     if gaps.min() >= 0.0:
         return None
-    told = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
-    walls = _ClosedWalls(problem, normals[told], places[told], reaches[told], gaps[told])
+    kept = gaps <= -gaps.min()  # of two whose sum is negative one is, and the other is no larger
+    walls = _ClosedWalls(problem, normals[kept], places[kept], reaches[kept], gaps[kept])
     found = walls.tightest(np.arange(len(walls.gaps)))
     if found is None:
         return _ClosedWalls(problem, normals, places, reaches, gaps).wedged()
@@ -452,7 +452,7 @@ def unlike_steps(scene: Scene) -> str:
             both = [(own.feature.one, own.feature.two)[k] for own in (one, two)]
             first, last = (body.vertices[element.vertices[0] - 1] for element in both)
             steps.append(rho * float((last - first) @ one.normals[0]))
-            faces, step = " and ".join(told_element(named, own) for own in both), f"{abs(steps[k]):.6g}"
+            faces, step = " and ".join(element_text(named, own) for own in both), f"{abs(steps[k]):.6g}"
             texts.append(f"{measured(step, problem.unit)} of {named.name or 'a part'} between its {faces}")
         if (apart := abs(steps[0] - steps[1])) > max(most, problem.contact_slack):
             most, found = apart, f"do not go together: {', and '.join(texts)}"
@@ -494,7 +494,7 @@ def _in_words(problem: Problem, found: Misfit) -> str:
     sides = 1 - found.inside, found.inside  # the walls of the room; where a cut made one, those of the part in it
     side = next((k for k in sides if None not in found.faces[k]), sides[0])
     drawn = drawn_bodies(problem)[side]
-    faces = dict.fromkeys(told_element(drawn, own) for own in found.faces[side] if own is not None)
+    faces = dict.fromkeys(element_text(drawn, own) for own in found.faces[side] if own is not None)
     *others, last = map(with_article, faces or [""])
     walls = " and ".join(filter(None, (", ".join(others), last)))
     between = f", {'between' if len(faces) > 1 else 'across'} {walls} of {names[side]}" if faces else ""

@@ -198,7 +198,7 @@ class NominalContact:
             return tuple(self.contacts)
         own = self.nominal_features
         others = self.nominal_seats if self.goal == "seat" else ()
-        return (*own, *dict.fromkeys(seat.touching for seat in others if not {seat.feature, seat.touching} & set(own)))
+        return (*own, *dict.fromkeys(each.touching for each in others if not {each.feature, each.touching} & set(own)))
 
     @property
     def _asked_pair(self) -> Any:
@@ -249,7 +249,7 @@ class NominalContact:
         """Return the goal where none is asked for; `required` tells whether there is a requirement."""
         contact = self.nominal_contact
         at_point = required and isinstance(contact, SwitchingPoint) and not contact.alone
-        normals = np.array([seat.normal for seat in self.nominal_seats]).reshape(-1, 3)
+        normals = np.array([flush.normal for flush in self.nominal_seats]).reshape(-1, 3)
         no_play = (normals @ normals.T <= DEFAULT.nominal - 1.0).any()  # held from two sides
         if at_point and not no_play:
             return "beyond"

@@ -585,11 +585,11 @@ def _resolved(
     if several and asked.path == "coherent":
         what = "several contacts are restored together at the end of the motion, and the way there is not looked at"
         raise InputError(what, key="path", found="coherent", allowed='"free", or one contact')
-    together = {"path": "free", "pair": "clear" if contact.goal == "fit" else "touch"} if several else {}
+    jointly = {"path": "free", "pair": "clear" if contact.goal == "fit" else "touch"} if several else {}
     return {
         **vars(contact),
         "path": asked.path or "coherent",
-        **together,
+        **jointly,
         "contacts": several,
         **made,
         "request": request,
@@ -699,7 +699,7 @@ def _contacts_made(request: Mapping[str, Any], parts: Mapping[str, Any]) -> tupl
         return {
             **{name: getattr(drawn, name) for name in _NOMINAL},
             "nominal_joints": tuple(map(over.joint, drawn.nominal_joints)),
-            "nominal_seats": tuple(map(over.seat, drawn.nominal_seats)),
+            "nominal_seats": tuple(map(over.flush, drawn.nominal_seats)),
         }
 
     try:

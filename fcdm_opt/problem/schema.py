@@ -129,9 +129,9 @@ def _for_editors(schema: Any) -> Any:
     return {**kept, **given}
 
 
-def one_of(*ways: tuple[str, ...]) -> dict[str, Any]:
+def one_of(*alternatives: tuple[str, ...]) -> dict[str, Any]:
     """Return, for a JSON Schema, that the keys of exactly one of these ways are given."""
-    return {"oneOf": [{"required": list(keys)} for keys in ways]}
+    return {"oneOf": [{"required": list(keys)} for keys in alternatives]}
 
 
 class _InOrder(GenerateJsonSchema):
@@ -187,12 +187,12 @@ class Entry(BaseModel):
             return handler(value)
         except ValidationError as error:
             details = error.errors(include_url=False)
-            told = next((detail for detail in details if detail["type"] == REFUSED), details[0])
-            table = isinstance(value, Mapping) and told["type"] != REFUSED  # its key that is wrong, not that it is none
-            places = [descend(value, detail["loc"]) for detail in (details if table else [told])]
+            refused = next((detail for detail in details if detail["type"] == REFUSED), details[0])
+            table = isinstance(value, Mapping) and refused["type"] != REFUSED  # its key is wrong, not that it is none
+            places = [descend(value, detail["loc"]) for detail in (details if table else [refused])]
             inside, found = max(places, key=lambda own: len(own[0]))
-            if told["type"] == REFUSED:
-                context = told["ctx"]
+            if refused["type"] == REFUSED:
+                context = refused["ctx"]
                 if context["allowed"]:
                     raise
                 what, found, inside = context["what"], context["found"], (*inside, *context["inside"])
@@ -201,8 +201,8 @@ class Entry(BaseModel):
             elif len(details) > 1:
                 what = "wrong type, unit or shape"
             else:
-                known = told["type"] == "literal_error" and isinstance(found, str)
-                what = f"unknown {info.field_name}" if known else unfit(told)
+                known = refused["type"] == "literal_error" and isinstance(found, str)
+                what = f"unknown {info.field_name}" if known else unfit(refused)
             field = cls.model_fields[str(info.field_name)]
             hint = closest(found, _words(field.annotation)) if isinstance(found, str) else ""
             if isinstance(found, str) and (share := re.fullmatch(r"\s*(\d*\.?\d+)\s*%\s*", found)):

@@ -160,9 +160,9 @@ class Certificate(ShortRepr, Plain, NotebookRepr):
     def __str__(self) -> str:
         """Return how many checks passed, and each that did not with its number and limit."""
         failed = [f"  {own.name}: {own.value:.6g}, limit {own.limit:.6g}; {own.note}" for own in self.failed]
-        told = f"{len(self.checks) - len(failed)} of {len(self.checks)} checks passed"
-        told += f"; {UNCLAIMED}" * any(own.note == UNCLAIMED for own in self.checks)
-        return "\n".join([f"{told}; not:" if failed else told, *failed])
+        text = f"{len(self.checks) - len(failed)} of {len(self.checks)} checks passed"
+        text += f"; {UNCLAIMED}" * any(own.note == UNCLAIMED for own in self.checks)
+        return "\n".join([f"{text}; not:" if failed else text, *failed])
 
     @property
     def passed(self) -> bool:
@@ -406,24 +406,24 @@ class Bounded(Plain, NotebookRepr):
         return self._advised(self.reason)
 
     def _advised(self, why: str) -> str:
-        told = self.status.value
+        text = self.status.value
         if not self._limited:
-            told = UNLIMITED.get(self.status, told)
+            text = UNLIMITED.get(self.status, text)
         if self.stopped and self.status is Status.NOT_FOUND:
-            told = UNTIMED
+            text = UNTIMED
         if self.certificate and any(check.name == IN_TIME for check in self.certificate.checks):
-            told = UNJUDGED
+            text = UNJUDGED
         if self.stopped:
-            told = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {told}"
+            text = f"{self.stopped[:1].upper()}{self.stopped[1:]}. {text}"
         if self.usable or self.status is Status.NOT_VERIFIED:
-            return told
-        if left := self.left_by_mesh:  # what is proved is proved of the meshes alone
-            told = f"{told.replace('Proved impossible', 'Impossible for the meshes')} {left[:1].upper()}{left[1:]}."
+            return text
+        if mesh := self.left_by_mesh:  # what is proved is proved of the meshes alone
+            text = f"{text.replace('Proved impossible', 'Impossible for the meshes')} {mesh[:1].upper()}{mesh[1:]}."
         if not why:
-            return told
+            return text
         named = why.startswith(tuple(f"{part} " for part in self.question.drawn))  # names stay as they are
         why = why if named else f"{why[:1].upper()}{why[1:]}"
-        return f"{why}. {UNFIT if self.status is Status.LEFT_COHERENT_RANGE else told}"
+        return f"{why}. {UNFIT if self.status is Status.LEFT_COHERENT_RANGE else text}"
 
     @cached_property
     def reason(self) -> str:
@@ -636,8 +636,8 @@ class Solution(Bounded):
     @property
     def _why_not(self) -> str:
         """Which widths do not go together, or contacts that are not met."""
-        told = self.active * (self.status in (Status.NOT_FOUND, Status.NOT_IN_STEPS))
-        words = verdict(self.problem) or "; ".join(told)
+        reasons = self.active * (self.status in (Status.NOT_FOUND, Status.NOT_IN_STEPS))
+        words = verdict(self.problem) or "; ".join(reasons)
         return words + self._parallel * bool(words and self.status is Status.NOT_FOUND)
 
     @property

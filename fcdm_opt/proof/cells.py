@@ -255,13 +255,13 @@ def support_cells(T, features, one, starts1, two, starts2, least, margin, codes,
         for k in range(len(features)):
             feature = features[k]
             _normal(T[cell], feature, n)
-            way = -n[0, 0], -n[1, 0], -n[2, 0]
+            direction = -n[0, 0], -n[1, 0], -n[2, 0]
             for body in range(2):
                 points, starts = (one, starts1) if body == 0 else (two, starts2)
                 part = int(feature[PARTS + body])
                 first, last = starts[part], starts[part + 1]
                 # the vertex that is furthest beyond at the centre
-                own = _turned_back(R, 0, way) if body == 0 else _times(-1.0, way)
+                own = _turned_back(R, 0, direction) if body == 0 else _times(-1.0, direction)
                 vertex, lowest = _lowest(points[first:last], own)
                 if not lowest < _dot(own, _entry(feature, ONE if body == 0 else TWO)):
                     continue
@@ -321,9 +321,9 @@ def left_cells(T, features, target, first, second, margin, codes, witness):
         further = 0.0
         for body in range(2):
             _add_product(rest, -side, excess[body], other[body])
-            reach = _reach(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
+            above = _excess(T[cell], site, n, body, first[0] if body == 0 else second[0], np.inf, height)
             beyond = max(_high(excess[body]) if side > 0.0 else -_low(excess[body]), 0.0)
-            further += reach * (target[body] + beyond / least)
+            further += above * (target[body] + beyond / least)
         if _low(rest) - most * further > margin * most:
             codes[cell] = LEFT
             witness[cell] = site
@@ -349,19 +349,19 @@ def best_site(R, d, first, second, edged, site):
     R, and away by d. Faces first; edge pairs whose Gauss arcs cross too where `edged`.
     """
     (one, normals1, levels1, edges1), (two, normals2, levels2, edges2) = first, second
-    best, way, none = -np.inf, _entry(d, 0), (0.0, 0.0, 0.0)
+    best, offset, none = -np.inf, _entry(d, 0), (0.0, 0.0, 0.0)
     for i in range(len(normals1)):
         own = _at(normals1, i)
         n = _turned(R, 0, own)
         vertex, least = _lowest(two, n)
-        gap = _dot(n, way) + least - levels1[i]
+        gap = _dot(n, offset) + least - levels1[i]
         if gap > best:
             best = gap
             _set_site(site, F1V2, 1.0, (own, none, _times(levels1[i], own), _at(two, vertex)))
     for i in range(len(normals2)):
         own = _at(normals2, i)
         vertex, least = _lowest(one, _turned_back(R, 0, own))
-        gap = least - _dot(own, way) - levels2[i]
+        gap = least - _dot(own, offset) - levels2[i]
         if gap > best:
             best = gap
             _set_site(site, V1F2, 1.0, (_times(-1.0, own), none, _at(one, vertex), _times(levels2[i], own)))
@@ -384,10 +384,10 @@ def best_site(R, d, first, second, edged, site):
             if not up * _dot(n, _plus(before, after)) < 0.0:  # the arcs' circles cross on the far side
                 continue
             sign = 1.0 if up > 0.0 else -1.0
-            gap = sign * _dot(n, _minus(_plus(way, y), _turned(R, 0, x))) / across
+            gap = sign * _dot(n, _minus(_plus(offset, y), _turned(R, 0, x))) / across
             if gap > best and not across > STEEP * own:  # of edges almost parallel rounding turns the direction
                 n = _times(sign / across, n)
-                gap = _dot(n, way) + _lowest(two, n)[1] + _lowest(one, _turned_back(R, 0, _times(-1.0, n)))[1]
+                gap = _dot(n, offset) + _lowest(two, n)[1] + _lowest(one, _turned_back(R, 0, _times(-1.0, n)))[1]
             if gap > best:
                 best = gap
                 _set_site(site, E1E2, sign, (_times(1.0 / _length(edge), edge), _times(1.0 / _length(w), w), x, y))
@@ -395,21 +395,21 @@ def best_site(R, d, first, second, edged, site):
 
 
 @kernel
-def _reach(T, site, n, body, points, room, height):
+def _excess(T, site, n, body, points, room, height):
     """Return how much further than its own point vertices of a body reach along a site's direction; of `room` enough.
 
     `n` is the direction over the cell, `height` is overwritten.
     """
-    reach = 0.0
+    most = 0.0
     for v in range(len(points)):
         if body == 0:
             _height_1(T, site, points[v] - site[ONE:TWO], height)
         else:
             _along(n, site[TWO:PARTS] - points[v], height)
-        reach = max(reach, _high(height))
-        if reach >= room:
+        most = max(most, _high(height))
+        if most >= room:
             break
-    return reach
+    return most
 
 
 @kernel
@@ -421,7 +421,7 @@ def apart(T, site, one, two, margin, n, height):
     _add(gap, -1.0, back)
     room = _low(gap) - margin
     for body in range(2):
-        room -= _reach(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
+        room -= _excess(T, site, n, body, one if body == 0 else two, room, height) if room > 0.0 else 0.0
     return room > 0.0
 
 
@@ -433,12 +433,12 @@ def inside(R, d, body, ends, normals, levels, slack, p, u):
     """
     _placed(R, d, body, ends[0], p)
     _placed(R, d, body, ends[1], u)
-    start, way = _entry(p, 0), _minus(_entry(u, 0), _entry(p, 0))
-    u[0], u[1], u[2] = way
+    start, edge = _entry(p, 0), _minus(_entry(u, 0), _entry(p, 0))
+    u[0], u[1], u[2] = edge
     low, high = 0.0, 1.0
     for i in range(len(normals)):
         normal = _at(normals, i)
-        rate, room = _dot(normal, way), levels[i] - _dot(normal, start) + slack
+        rate, room = _dot(normal, edge), levels[i] - _dot(normal, start) + slack
         if rate > 0.0:
             high = min(high, room / rate)
         elif rate < 0.0:
@@ -578,12 +578,12 @@ def set_nearest(R, d, one, two, x, y):
     moved = np.empty((len(one), 3))
     for v in range(len(one)):
         _placed(R, d, 0, one[v], moved[v])
-    way, pairs, shares = nearest_points(moved, two)
+    offset, pairs, shares = nearest_points(moved, two)
     x[:], y[:] = 0.0, 0.0
     for k in range(len(shares)):
         x += shares[k] * one[pairs[k, 0]]
         y += shares[k] * two[pairs[k, 1]]
-    return _length(way)
+    return _length(offset)
 
 
 @kernel
@@ -592,14 +592,14 @@ def nearer(T, one, two, need, margin, witness):
     # `witness`, from place 2: the point of body 1 about its moved seed, in its own axes, and that of the other about
     # s_2
     m = T.shape[1]
-    x, y, ways, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
+    x, y, offsets, square = np.empty(3), np.empty(3), np.zeros((3, m)), np.zeros(m)
     if not set_nearest(T[:9, 0].copy(), T[9:12, 0].copy(), one, two, x, y) < need:
         return False
-    _turn(T, x, ways)
+    _turn(T, x, offsets)
     for j in range(3):
-        _add(ways[j], -1.0, T[9 + j])
-        ways[j, 0] -= y[j]
-    _product(ways, ways, square)
+        _add(offsets[j], -1.0, T[9 + j])
+        offsets[j, 0] -= y[j]
+    _product(offsets, offsets, square)
     if not _high(square) < (need - margin) ** 2:
         return False
     witness[2:5], witness[5:8] = x, y
@@ -619,17 +619,17 @@ def _part(solids, i):
 
 
 @kernel
-def _within_reach(T, balls1, balls2, near, gaps, pairs):
+def _near_balls(T, balls1, balls2, near, gaps, pairs):
     """List the pairs whose balls are nearer than they may be at the centre of a cell, the nearest first; count them."""
     R, d, count = T[:9, 0], T[9:12, 0], 0
     centre = np.empty(3)
     for i in range(len(balls1)):
         _placed(R, d, 0, balls1[i], centre)
         for j in range(len(balls2)):
-            way = _minus(_entry(centre, 0), _at(balls2, j))
-            square, reach = _dot(way, way), balls1[i, 3] + balls2[j, 3] + near[j]
-            if square < reach * reach:
-                gaps[count], pairs[count] = np.sqrt(square) - reach, i * len(balls2) + j
+            offset = _minus(_entry(centre, 0), _at(balls2, j))
+            square, enough = _dot(offset, offset), balls1[i, 3] + balls2[j, 3] + near[j]
+            if square < enough * enough:
+                gaps[count], pairs[count] = np.sqrt(square) - enough, i * len(balls2) + j
                 count += 1
     apart = count // 2
     while apart > 0:  # Shell's way to sort, which is compiled in a tenth of the time of NumPy's
@@ -687,7 +687,7 @@ def pair_cells(T, movable, obstacles, partners, asked, near, margin, tries, code
         done = done or codes[cell] != OPEN
         if done:
             continue
-        count = _within_reach(T[cell], balls1, balls2, near, gaps, pairs)
+        count = _near_balls(T[cell], balls1, balls2, near, gaps, pairs)
         for k in range(-1, count):
             pair = last if k < 0 else pairs[k]
             if k >= 0 and pair == last:

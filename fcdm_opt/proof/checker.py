@@ -22,7 +22,7 @@ from fcdm_opt.geometry.arrays import Array, Flags, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
 from fcdm_opt.geometry.measures import nearest_mixture
 from fcdm_opt.model.equations import FeaturePoints, feature_points
-from fcdm_opt.model.seats import held, seat_of, untracked
+from fcdm_opt.model.seats import flush_of, held, untracked
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.evidence import WITNESS, Evidence, Reason
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -105,7 +105,7 @@ def least_outside(amount: OwnAmount, weights: Array, half: float) -> float:
         return float(np.nan_to_num(AmountOfPieces(amount.function, weights).least_beyond(cells), nan=-np.inf).min())
 
 
-def left_over(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
+def uncovered(faces: Ints, low: Array, high: Array, counts: Ints) -> tuple[int, Array] | None:
     """Return a point (face, coordinates) near which boxes, counted with these signs, do not cancel; None if all do."""
     # the indicator of a box is a sum over its corners, with alternating signs, of indicators of quadrants; those are
     # independent, so boxes cancel but for borders if and only if their corners do. No arithmetic is done on coordinates
@@ -128,7 +128,7 @@ def filled_box(boxes: Array) -> tuple[Array, bool]:
     ends, count = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]), len(boxes)
     wide = ends[0] < ends[1]  # along others all boxes are the same point, and would cancel each other
     low, high = np.concatenate([boxes, ends[None]])[:, :, wide].swapaxes(0, 1)
-    return ends, left_over(np.zeros(count + 1, np.int64), low, high, np.append(np.ones(count), -1.0)) is None
+    return ends, uncovered(np.zeros(count + 1, np.int64), low, high, np.append(np.ones(count), -1.0)) is None
 
 
 # ------------------------------------------------------------------------------------------------------- the examiner
@@ -149,7 +149,7 @@ class TrackedCrossing:
 
     kinds: tuple[int, ...]
     given: list[Interval]
-    beside: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
+    face_normals: Array  # where a vertex touches an edge, the normals of the faces beside the edge, else empty
 
 
 class Examiner:
@@ -173,7 +173,7 @@ class Examiner:
         lines: Any = problem.tracked_lines
         seats = problem.nominal_seats if problem.goal == "seat" else ()
         if seats:
-            lines = tuple(seat_of(line, seats) or line for line in lines)
+            lines = tuple(flush_of(line, seats) or line for line in lines)
         others = untracked(seats, lines, problem.target)
         bodies = problem.active
         made = (feature_points(*bodies, own.site, own.parts, own.normal, np.eye(3)) for own in (*lines, *others))
@@ -233,7 +233,7 @@ class Examiner:
         if problem.goal == "seat" and self.coherent:
             limits[held(problem.nominal_seats, problem.motion, problem.movable, problem.static) & around] = 0.0
         directions = problem.motion.shift_directions
-        half, reach = np.pi * (1.0 + FLOATS), self._reach([own for own in directions if own is not None])
+        half, largest = np.pi * (1.0 + FLOATS), self._largest_shift([own for own in directions if own is not None])
         for k, (step, direction) in enumerate(zip(problem.motion.owners, directions, strict=True)):
             low, high = limits[k]
             if direction is None and self.features[1]:
@@ -241,10 +241,10 @@ class Examiner:
             if step.closed and around[k] and not isinstance(problem.amount, OwnAmount):
                 limits[k] = max(low, min(-half, high - 2.0 * half)), min(high, max(half, low + 2.0 * half))
             elif direction is not None:
-                limits[k] = max(low, -reach), min(high, reach)
+                limits[k] = max(low, -largest), min(high, largest)
         return limits
 
-    def _reach(self, shifts: Sequence[Array]) -> float:
+    def _largest_shift(self, shifts: Sequence[Array]) -> float:
         """Return a translation beyond which nothing touches; infinite if that is not known or not asked."""
         kept = self.coherent and self.problem.goal in ("at", "seat")
         if not ((self.must_touch or kept) and self.problem.motion.about_seed and 0 < len(shifts) <= 3):
@@ -298,7 +298,7 @@ class Examiner:
         own, count = self.evidence, len(self.problem.weights)
         faces = np.arange(2 * count)
         cube = np.ones((2 * count, count - 1))
-        wrong = left_over(
+        wrong = uncovered(
             np.concatenate([own.column_faces, faces]),
             np.concatenate([own.column_boxes[:, 0], -cube]),
             np.concatenate([own.column_boxes[:, 1], cube]),
@@ -319,7 +319,7 @@ class Examiner:
         checks.append(Check("proof: closed columns", open_ends == 0, float(open_ends), 0.0, note))
         stretches = np.column_stack([np.zeros(len(fronts)), np.where(np.isnan(fronts), 0.0, fronts)])
         cells, columns = self._cells, Pieces.of(own.column_faces, own.column_boxes, stretches)
-        wrong = left_over(
+        wrong = uncovered(
             np.concatenate([cells.faces, columns.faces]),
             np.concatenate([cells.low, columns.low]),
             np.concatenate([cells.high, columns.high]),
@@ -428,7 +428,7 @@ class Examiner:
             for code, own in enumerate((*short, _opposed(*excess), _opposed(*ends[1:3]))):
                 here = witness[:, 0] == code
                 yield here, _flat(own, count)[here]
-        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.beside):
+        elif self.problem.goal == "at" and self.crossing is not None and len(self.crossing.face_normals):
             yield slice(None), self._off_edge(poses, self.crossing)
         else:
             for k, feature in enumerate(features):
@@ -445,7 +445,7 @@ class Examiner:
         u, x, y = (Interval.stacked(crossing.given[2 + 3 * k : 5 + 3 * k], ()) for k in range(3))
         points = x * self.target[0], y * self.target[1]
         margin = np.full(len(poses.pieces.rows), -np.inf)
-        for n in crossing.beside:
+        for n in crossing.face_normals:
             across = cross(u, cross(Interval(n), u))  # at right angles to the edge, whatever n is
             given = numbers_of(across, Interval(np.zeros(3)), *points)
             (low,), (high,) = poses.bounds(conditions.separation((F1V2, V1F2)[crossing.kinds[0]]), given)
@@ -464,8 +464,8 @@ class Examiner:
             here = np.flatnonzero((witness[:, 0] == k) & (witness[:, 1] == body + 1) & known)
             if not len(here):
                 continue
-            reach = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
-            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), numbers_of(u, w, reach))
+            lever = Interval(part.vertices[vertex[here]]) - bodies[body].seed - points[body]
+            (low,), _ = poses[here].bounds(conditions.height(feature.kind, body), numbers_of(u, w, lever))
             flat = DEFAULT.planarity * self.problem.size * _norm(u) * (_norm(w) if feature.kind == E1E2 else 1.0)
             yield here, _flat(low - flat, len(here))
 
@@ -478,7 +478,7 @@ class Examiner:
         one, two = Interval(movable.parts[0].vertices) - movable.seed, Interval(static.parts[0].vertices) - static.seed
         for kind, here, u, w in _directions(witness):
             own = poses[here]
-            first, second, reach = _extremes(own, kind, u, w, one, two)
+            first, second, heights = _extremes(own, kind, u, w, one, two)
             lows, highs = own.bounds(conditions.crossing(kinds), given)
             (low,), (high,) = own.bounds(
                 conditions.gap_at_crossing(kinds, kind), [*given, *numbers_of(u, w, first, second)]
@@ -486,7 +486,7 @@ class Examiner:
             up, down = lows[0] > 0, highs[0] < 0
             gap = np.where(up, low, np.where(down, -high, -np.inf))[:, 0]
             scales = [np.where(up, highs[1 + i], -lows[1 + i])[:, 0] for i in (0, 1)]
-            yield here, gap - sum(np.maximum(s, 0.0) * r for s, r in zip(scales, reach, strict=True)) * (1.0 + FLOATS)
+            yield here, gap - sum(np.maximum(s, 0.0) * r for s, r in zip(scales, heights, strict=True)) * (1.0 + FLOATS)
 
     def apart(self, poses: Poses, witness: Array) -> Margins:
         """Yield by how much a direction for each part pair keeps it apart at the target pair."""
@@ -501,9 +501,9 @@ class Examiner:
             gap = np.full(count, -np.inf)
             for kind, here, u, w in _directions(witness):
                 own, two = poses[here], self.obstacles[j].vertices
-                x, y, reach = _extremes(own, kind, u, w, self.movable[i], two)
+                x, y, heights = _extremes(own, kind, u, w, self.movable[i], two)
                 (low,), _ = own.bounds(conditions.separation(kind), numbers_of(u, w, x, y))
-                gap[here] = low[:, 0] - (reach[0] + reach[1]) * (1.0 + FLOATS)
+                gap[here] = low[:, 0] - (heights[0] + heights[1]) * (1.0 + FLOATS)
             margin = np.minimum(margin, gap)
         yield slice(None), margin
 
@@ -650,7 +650,7 @@ def _extremes(
         if kind == E1E2:
             n = np.cross(n, w.middle)
     nearest = np.einsum("nij,ni,vj->nv", R, n, one.middle).argmax(axis=1), (n @ two.middle.T).argmin(axis=1)
-    points, reach = [], []
+    points, heights = [], []
     for body, (vertices, place) in enumerate(zip((one, two), nearest, strict=True)):
         own = vertices[place]
         further = [
@@ -658,8 +658,8 @@ def _extremes(
         ]
         _, (high,) = poses.bounds(conditions.height(kind, body), [*numbers_of(u, w), *further])
         points.append(own)
-        reach.append(np.maximum(high, 0.0).max(axis=1) * np.ones(len(place)))
-    return points[0], points[1], reach
+        heights.append(np.maximum(high, 0.0).max(axis=1) * np.ones(len(place)))
+    return points[0], points[1], heights
 
 
 def face_planes(part: ConvexPart, vertices: Interval) -> tuple[Array, list[Interval]]:

@@ -159,7 +159,7 @@ def prove(
             if pacing.has_listeners():
                 found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
                 pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
-            search_.beside(columns)
+            search_.improve(columns)
     if not np.isfinite(search_.upper):
         _close_beyond(scene, columns, record)
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
@@ -182,7 +182,7 @@ class _Search:
     def enough(self, gap: float) -> float:
         return (1.0 - gap) * self.upper if np.isfinite(self.upper) else farthest(self.task)
 
-    def beside(self, columns: Columns) -> None:
+    def improve(self, columns: Columns) -> None:
         """Search from where the least column stands, if it hardly moves any more."""
         if self.search is None or self.calls >= CALLS:
             return

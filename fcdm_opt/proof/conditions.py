@@ -64,12 +64,12 @@ def _tracked_pair(kinds: tuple[int, ...], R: Any, d: Any, p: Any) -> tuple[Any, 
         u, x, y = p[2:5], p[5:8], p[8:11]
         turned = R @ x
         if kinds[0] == 1:
-            beside = cross(y, u)
-            across, determinant = cross(turned, u), dot(turned, beside)
+            crossed = cross(y, u)
+            across, determinant = cross(turned, u), dot(turned, crossed)
         else:
-            beside, across = cross(y, R @ u), R @ cross(x, u)
+            crossed, across = cross(y, R @ u), R @ cross(x, u)
             determinant = -dot(y, across)
-        first = dot(d, beside)
+        first = dot(d, crossed)
         return (determinant, first, dot(d, across), first - target[0] * determinant, dot(d + target[1] * y, across))
     rows = []
     for kind, q in zip(kinds, (p[2:14], p[14:26]), strict=True):

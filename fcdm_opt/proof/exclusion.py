@@ -183,8 +183,8 @@ class Exclusion:
         task = self.task
         limits = np.array(task.limits)
         if task.amount_kind == "displacement" and np.isfinite(self.upper):
-            reach = self._displaced()
-            limits = np.column_stack([np.maximum(limits[:, 0], -reach), np.minimum(limits[:, 1], reach)])
+            largest = self._displaced()
+            limits = np.column_stack([np.maximum(limits[:, 0], -largest), np.minimum(limits[:, 1], largest)])
         touches = task.must_touch or (task.coherent and task.goal in ("at", "seat"))
         if task.tracked and not touches:
             return limits
@@ -199,10 +199,10 @@ class Exclusion:
             partners = self.movable, self.obstacles[: len(task.static.parts)]
             away = sum(max(np.linalg.norm(solid[0], axis=1).max() for solid in own) for own in partners)
             if least > DEFAULT.nominal:
-                reach = 2.0 * (np.linalg.norm(self.offset) + away) / least
+                largest = 2.0 * (np.linalg.norm(self.offset) + away) / least
                 for k, direction in enumerate(directions):
                     if direction is not None:
-                        limits[k] = max(limits[k, 0], -reach), min(limits[k, 1], reach)
+                        limits[k] = max(limits[k, 0], -largest), min(limits[k, 1], largest)
         return limits
 
     @cached_property
@@ -266,9 +266,9 @@ class Exclusion:
         turned[..., 0] += self.offset - points[:, :]
         turned[..., :-1] -= T[:, None, 9:12, :-1]
         turned[..., -1] += T[:, None, 9:12, -1]
-        way = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
-        along = np.einsum("nvi,nvim->nvm", way, turned)
-        off = np.einsum("nvi,nvi->nv", np.abs(way), turned[..., -1])
+        direction = turned[..., 0] / np.maximum(np.linalg.norm(turned[..., 0], axis=2, keepdims=True), 1e-300)
+        along = np.einsum("nvi,nvim->nvm", direction, turned)
+        off = np.einsum("nvi,nvi->nv", np.abs(direction), turned[..., -1])
         low = along[..., 0] - np.abs(along[..., 1:-1]).sum(axis=2) - off
         return np.asarray(np.maximum(low.max(axis=1), 0.0))
 

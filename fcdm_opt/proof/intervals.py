@@ -93,7 +93,7 @@ class Interval:
         """Return some numbers along the last axis."""
         return Interval(*(np.take_along_axis(side, places, axis=-1) for side in self._sides))
 
-    def beside(self, other: Interval) -> Interval:
+    def joined(self, other: Interval) -> Interval:
         """Return these numbers and others, one after the other along the last axis."""
         return Interval(*(np.concatenate(pair, axis=-1) for pair in zip(self._sides, other._sides, strict=True)))
 

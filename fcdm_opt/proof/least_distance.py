@@ -208,31 +208,31 @@ def nearest_points(points1, points2):
 
 
 @kernel
-def nearer_than(need, points1, points2, way, low, high, normals):
+def nearer_than(need, points1, points2, direction, low, high, normals):
     """Return from where to where a hull that shifts along a way is nearer to another than `need`, and how near midway.
 
     It is not up to `low`, nor from `high` on. Infinite, with the end first, where it never is. `normals`, (2, 3), are
     set to directions that keep the hulls apart so far before and beyond.
     """
     moved = np.empty(points1.shape)
-    first = _approach(points1, points2, way, 1.0, need, low, high, moved, normals[0])
-    last = -_approach(points1, points2, way, -1.0, need, -high, -low, moved, normals[1])
+    first = _approach(points1, points2, direction, 1.0, need, low, high, moved, normals[0])
+    last = -_approach(points1, points2, direction, -1.0, need, -high, -low, moved, normals[1])
     if not first < last:
         return first, last, need
-    return first, last, _length(_between(points1, points2, way, 0.5 * (first + last), moved))
+    return first, last, _length(_between(points1, points2, direction, 0.5 * (first + last), moved))
 
 
 @kernel
-def _between(points1, points2, way, shift, moved):
+def _between(points1, points2, direction, shift, moved):
     """Return the way between the nearest points after a shift."""
     for v in range(len(points1)):
         for m in range(3):
-            moved[v, m] = points1[v, m] + shift * way[m]
+            moved[v, m] = points1[v, m] + shift * direction[m]
     return nearest_points(moved, points2)[0]
 
 
 @kernel
-def _approach(points1, points2, way, sign, need, start, end, moved, n):
+def _approach(points1, points2, direction, sign, need, start, end, moved, n):
     """Return how far along a way, or back, two hulls shift from `start` until they are only `need` apart.
 
     Infinite where that is not before `end`. Newton's method: the distance is convex along the way, so that no step goes
@@ -240,13 +240,13 @@ def _approach(points1, points2, way, sign, need, start, end, moved, n):
     """
     here = start
     for _ in range(NEWTON):
-        x = _between(points1, points2, way, sign * here, moved)
+        x = _between(points1, points2, direction, sign * here, moved)
         distance = _length(x)
         if not distance > 0.0:
             return here
         u = x[0] / distance, x[1] / distance, x[2] / distance
         room = _lowest(points2, u)[1] + _lowest(moved, (-u[0], -u[1], -u[2]))[1] - need
-        closing = sign * _dot(u, _entry(way, 0))
+        closing = sign * _dot(u, _entry(direction, 0))
         n[0], n[1], n[2] = u
         if not closing > 0.0 or here + room / closing >= end:
             return math.inf

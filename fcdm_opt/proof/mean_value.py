@@ -111,7 +111,7 @@ class Pieces:
         by_s = slopes.contracted(v.shaped((n, k, 1)))
         shape = n, slopes.middle.shape[1], k - 1
         others = slopes.taken(np.broadcast_to(self.others[:, None, :], shape)) * s.shaped((n, 1, 1))
-        return by_s.beside(others) * Interval(self.half[:, None, :])
+        return by_s.joined(others) * Interval(self.half[:, None, :])
 
 
 class Boxes(Pieces):
@@ -198,7 +198,7 @@ class Poses:
         (over, slopes), _ = expression.slopes(self.over, at[1])
         lows, highs = [], []
         for m in range(expression.count):
-            change = _together(slopes[m :: expression.count], len(self.jumps)).contracted(self.change)
+            change = _stacked(slopes[m :: expression.count], len(self.jumps)).contracted(self.change)
             if place and m == 0:
                 rate = over[-1]
                 change = change + Interval(rate.middle[..., None], rate.radius[..., None]) * place.change
@@ -243,7 +243,7 @@ class PosesOfPieces:
         y = pieces.coordinates(over=True)
         (natural,), jumps = self._pose(y, self.seeds)
         (flat,), _ = self._slopes(y, self.seeds)
-        slopes = _together([_column(x, n) for x in flat], n).shaped((n, k, POSE)).turned((0, 2, 1))  # by y
+        slopes = _stacked([_column(x, n) for x in flat], n).shaped((n, k, POSE)).turned((0, 2, 1))  # by y
         change = pieces.changes(slopes)
         broken = np.broadcast_to(np.asarray(jumps) & (not self.smooth), n)[:, None]
         over, still = [], []
@@ -276,7 +276,7 @@ class AmountOfPieces:
         ((centre,),), _ = self._value(pieces.coordinates(over=False))
         ((natural,),), jumps = self._value(y)
         (slopes,), _ = self._slopes(y)
-        change = pieces.changes(_together([_column(x, n) for x in slopes], n))
+        change = pieces.changes(_stacked([_column(x, n) for x in slopes], n))
         wide, near = _column(natural, n).low[:, 0], _spread(_column(centre, n), change).low[:, 0]
         return np.where(jumps, wide, np.fmax(wide, near))
 
@@ -353,7 +353,7 @@ def _column(x: Interval, count: int) -> Interval:
     return Interval.stacked([x], (count,))
 
 
-def _together(numbers: Sequence[Interval], count: int) -> Interval:
+def _stacked(numbers: Sequence[Interval], count: int) -> Interval:
     """Return numbers (n, rows) or what broadcasts to it as one array (n, rows, numbers)."""
     shape = np.broadcast_shapes(
         (count, 1), *(np.shape(x.middle) for x in numbers), *(np.shape(x.radius) for x in numbers)

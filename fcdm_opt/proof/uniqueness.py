@@ -139,10 +139,10 @@ def none_shorter(problems: Problems, least: float) -> bool:
         rows = np.column_stack([slopes, -values / least])
         held += [rows, -rows]
     for problem in problems:  # rows (g, h), g . y >= h, of y in units of the amount: all of one alternative are met
-        ways = problem.motion.ways(problem.movable.seed, problem.static.seed) / weights[:, None]
+        directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / weights[:, None]
         met = dict[tuple[int, int], tuple[Array, Array]]()
         for pair, normals, gaps in gaps_of_parts(problem):
-            rows = np.column_stack([-normals @ ways.T, -gaps / least])
+            rows = np.column_stack([-normals @ directions.T, -gaps / least])
             alternatives.append([*(rows[np.unique(rows.round(12), axis=0, return_index=True)[1]] - room)[:, None]])
             if pair is not None:
                 met[pair] = -rows - room, normals
@@ -216,21 +216,21 @@ def excluded(problem: Problem, low: Array, high: Array) -> tuple[Array, Array] |
     """Return boxes that fill one, and a motion in each at which what disagrees there excludes all of it."""
     # boxes of weighted parameters, (n, 2, k), as `low` and `high` are ends of one, and (n, k). None where `MOST_BOXES`
     # do not do
-    equations, left, shown, count = _restored((problem,)), np.array([[low, high]]), list[Array](), 0
-    if equations is None or not np.isfinite(left).all():
+    equations, remaining, shown, count = _restored((problem,)), np.array([[low, high]]), list[Array](), 0
+    if equations is None or not np.isfinite(remaining).all():
         return None
-    while len(left):
-        count += len(left)
+    while len(remaining):
+        count += len(remaining)
         if count > MOST_BOXES:
             return None
         pacing.check()
-        none = equations.disagree(*np.moveaxis(left[:, :, equations.moving], 1, 0))
-        shown.append(left[none])
-        left = left[~none]
-        rows, axis = np.arange(len(left)), (left[:, 1] - left[:, 0]).argmax(axis=1)
-        one, two = left.copy(), left.copy()
-        one[rows, 1, axis] = two[rows, 0, axis] = left[rows, :, axis].mean(axis=1)
-        left = np.concatenate([one, two])
+        none = equations.disagree(*np.moveaxis(remaining[:, :, equations.moving], 1, 0))
+        shown.append(remaining[none])
+        remaining = remaining[~none]
+        rows, axis = np.arange(len(remaining)), (remaining[:, 1] - remaining[:, 0]).argmax(axis=1)
+        one, two = remaining.copy(), remaining.copy()
+        one[rows, 1, axis] = two[rows, 0, axis] = remaining[rows, :, axis].mean(axis=1)
+        remaining = np.concatenate([one, two])
     found = np.concatenate(shown)
     return found, 0.5 * found[:, 0] + 0.5 * found[:, 1]
 
@@ -318,13 +318,13 @@ class _Restored:
         fixed, turned = Interval(inverse, np.zeros_like(inverse)), inverse @ J
         own, level = np.diagonal(turned, axis1=1, axis2=2), fixed.contracted(wide)  # y_k, as far as it is determined
         off = (fixed.contracted(over) - Interval(turned)).size + np.abs(turned) * (1.0 - np.eye(low.shape[1]))
-        reach = ((off @ half[:, :, None])[:, :, 0] + level.radius[:, :, 0]) / own / ROUNDED + (1.0 - ROUNDED) * least
-        place, told = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
-        low = np.where(told, np.maximum(low, place - reach), low)
-        high = np.where(told, np.minimum(high, place + reach), high)
-        for ways in (balanced, against):
-            w = (ways[:, None] @ J)[:, 0]
-            fixed = Interval(ways[:, None], np.zeros_like(ways)[:, None])
+        radius = ((off @ half[:, :, None])[:, :, 0] + level.radius[:, :, 0]) / own / ROUNDED + (1.0 - ROUNDED) * least
+        place, determined = centre - level.middle[:, :, 0] / own, (own > DETERMINED) & ~jumps[:, None]
+        low = np.where(determined, np.maximum(low, place - radius), low)
+        high = np.where(determined, np.minimum(high, place + radius), high)
+        for multipliers in (balanced, against):
+            w = (multipliers[:, None] @ J)[:, 0]
+            fixed = Interval(multipliers[:, None], np.zeros_like(multipliers)[:, None])
             off = fixed.contracted(over)[:, 0] - Interval(w)
             level = fixed.contracted(wide).high[:, 0, 0]
             terms = (w * centre).sum(axis=1), -level, -(off.size * half).sum(axis=1)
@@ -332,19 +332,19 @@ class _Restored:
             far = (sum(terms) - sum(map(np.abs, terms)) * (1.0 - ROUNDED)) / steep * ROUNDED
             none |= (far > 0.0) & (far >= least) & ~jumps
             # motions no longer than `least` and as far as this along w lie in a ball about the nearest of them
-            reach = np.sqrt(least * least - far * far) / ROUNDED + (1.0 - ROUNDED) * least
+            radius = np.sqrt(least * least - far * far) / ROUNDED + (1.0 - ROUNDED) * least
             known = (far > 0.0) & (far < least) & ~jumps
-            middle, reach = (far / steep)[:, None] * w, np.where(known, reach, np.inf)[:, None]
-            low = np.where(known[:, None], np.maximum(low, middle - reach), low)
-            high = np.where(known[:, None], np.minimum(high, middle + reach), high)
+            middle, radius = (far / steep)[:, None] * w, np.where(known, radius, np.inf)[:, None]
+            low = np.where(known[:, None], np.maximum(low, middle - radius), low)
+            high = np.where(known[:, None], np.minimum(high, middle + radius), high)
         return np.where(none[:, None], np.inf, low), high
 
     def disagree(self, low: Array, high: Array) -> Flags:
         """Tell in which boxes, (n, j), values at the centre, or what no motion changes of them, exclude all motions."""
         _, half, values, over, jumps = self._about(low, high)
         middle, none = values.middle[:, :, None], np.zeros(len(low), np.bool_)
-        for way in (middle - over.middle @ (np.linalg.pinv(over.middle, rcond=LEAST) @ middle), middle):
-            fixed = Interval(np.swapaxes(way, 1, 2), np.zeros_like(np.swapaxes(way, 1, 2)))
+        for multipliers in (middle - over.middle @ (np.linalg.pinv(over.middle, rcond=LEAST) @ middle), middle):
+            fixed = Interval(np.swapaxes(multipliers, 1, 2), np.zeros_like(np.swapaxes(multipliers, 1, 2)))
             level = fixed.contracted(values.shaped(middle.shape)).low[:, 0, 0]
             none |= level - (fixed.contracted(over).size[:, 0] * half).sum(axis=1) / ROUNDED > 0.0
         return none & ~jumps
@@ -364,15 +364,15 @@ class _Restored:
 
 def _independent(slopes: Array) -> list[int]:
     """Return as many rows as there are columns, each the one that is least dependent on those before it; or fewer."""
-    left, chosen = slopes / np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None], list[int]()
+    residuals, chosen = slopes / np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None], list[int]()
     for _ in range(slopes.shape[1]):
-        lengths = np.linalg.norm(left, axis=1)
+        lengths = np.linalg.norm(residuals, axis=1)
         best = int(lengths.argmax())
         if not lengths[best] > LEAST:
             break
         chosen.append(best)
-        way = left[best] / lengths[best]
-        left = left - np.outer(left @ way, way)
+        direction = residuals[best] / lengths[best]
+        residuals = residuals - np.outer(residuals @ direction, direction)
     return chosen
 
 

@@ -24,7 +24,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.sections import Touching
 from fcdm_opt.show.sensitivities import bars, sensitivities_figure
 from fcdm_opt.show.texts import asked_text, goal_text
-from fcdm_opt.show.verdict import motion_said, poses_shown, refusal_text, straight_texts, verdict_text
+from fcdm_opt.show.verdict import motion_text, poses_shown, refusal_text, straight_texts, verdict_text
 
 LONGEST_NAME = 100  # characters of a picture's file name, before its number and ending
 
@@ -115,14 +115,14 @@ def solution_figure(
     caption "{sizes}" stands for the sizes at which the bodies are shown.
     """
     drawn, rho = drawn_scene(solution, view)
-    moved, refused = drawn["shown"].moves, drawn["shown"].said
-    drawn["shown"] = replace(drawn["shown"], said=motion_said(solution)) if moved else drawn["shown"]
+    moved, refused = drawn["shown"].moves, drawn["shown"].banner
+    drawn["shown"] = replace(drawn["shown"], banner=motion_text(solution)) if moved else drawn["shown"]
     shown = "shown" if moved else f"shown {refused.rpartition(', ')[2] or 'unmoved'}"
     meant = "the sizes made" if solution.problem.made else "the sizes drawn"
     at = meant if (rho == 1.0).all() else f"{rho[0]:.6g} and {rho[1]:.6g} times {meant}"
     caption = caption.replace("{sizes}", f" ({shown} at {at})")
-    if told := scene.numbered_contacts(drawn["contacts"], drawn["shown"]):
-        caption += f"\ncontacts: {'; '.join(told)}"
+    if texts := scene.numbered_contacts(drawn["contacts"], drawn["shown"]):
+        caption += f"\ncontacts: {'; '.join(texts)}"
     return scene.scene_figure(**drawn, title=title, caption=caption)
 
 
@@ -144,7 +144,7 @@ def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> 
         curve, at = (problem.curve, problem.nominal_pair) if rest else (moved, rho)
         view = scene.view_of(curve, tuple(at.tolist()), scene.shifts_of(problem))
     bodies = problem.movable, problem.static
-    shown = scene.ShownBodies.of(*bodies, rho=rho, transform=transform, keep_out=keep_out, view=view, said=refused)
+    shown = scene.ShownBodies.of(*bodies, rho=rho, transform=transform, keep_out=keep_out, view=view, banner=refused)
     counted = problem.contacts or solution.features
     contacts, names = list[Touching](), [label.partition(": ")[2] for *_, label in shown.solids]
     if refused:  # why there is no motion to use
@@ -162,7 +162,7 @@ def drawn_scene(solution: Solution, view: tuple[float, float] | None = None) -> 
         both = replace(shown, solids=[shown.solids[0], shown.solids[k]], named=None)
         if met := scene.contacts_of(decision_curve(*both.bodies), np.ones(2), both):
             if len(contacts) == 1:
-                contacts = [contacts[0]._replace(number=1, told=f"{names[0]} - {names[1]}")]
+                contacts = [contacts[0]._replace(number=1, text=f"{names[0]} - {names[1]}")]
             number, label = max((own.number for own in contacts), default=0) + 1, f"{names[0]} - {names[k]}"
-            contacts += [own._replace(pair=(0, k), number=number, told=label) for own in met]
+            contacts += [own._replace(pair=(0, k), number=number, text=label) for own in met]
     return {"shown": shown, "contacts": contacts, "unit": problem.unit}, rho

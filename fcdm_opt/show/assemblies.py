@@ -78,12 +78,12 @@ def part_texts(solution: AssemblySolution) -> list[tuple[str, str, str, str, str
     """
     assembly, outside = solution.assembly, solution.status.name == "OUTSIDE_FIT"
     moved = [(part, [] if outside else kept) for part, kept in texts.values_by_part(solution).items()]
-    told = {part: texts.described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
+    motion_texts = {part: texts.described(assembly.motions[part], kept, "") if kept else "-" for part, kept in moved}
     return [
         (part, assembly.follows.get(part, "-"), texts.made_text(assembly, part), motion,
          texts.amount_text(None if amount is None or outside else amount * any(kept)))
         for part, motion, amount, kept in (
-            *((part, told[part], solution.amounts.get(part), kept) for part, kept in moved),
+            *((part, motion_texts[part], solution.amounts.get(part), kept) for part, kept in moved),
             *((part, "fixed", None, ()) for part in assembly.fixed),
         )
     ]  # fmt: skip
@@ -125,11 +125,11 @@ def assembly_verdict(solution: AssemblySolution) -> str:
 
 def answer_text(solution: AssemblySolution) -> str:
     """Return the verdict, and below it the amount and its bound: all that `print` shows of an assembly's solution."""
-    name, told = solution.assembly.name, [assembly_verdict(solution)]
+    name, motion_texts = solution.assembly.name, [assembly_verdict(solution)]
     if solution.status.found and solution.status.name != "OUTSIDE_FIT":
         amount = texts.amount_text(texts.seen_amount(solution), solution.assembly.amount_unit)
-        told.append(f"amount {amount}{texts.proved_text(solution)}; {texts.outcome_text(solution)}")
-    return "\n".join([f"{name}: {told[0]}" if name else told[0], *told[1:]])
+        motion_texts.append(f"amount {amount}{texts.proved_text(solution)}; {texts.outcome_text(solution)}")
+    return "\n".join([f"{name}: {motion_texts[0]}" if name else motion_texts[0], *motion_texts[1:]])
 
 
 def verdict_of(solution: Any) -> str:
@@ -197,8 +197,8 @@ def touching(solution: AssemblySolution) -> list[Touching]:
         few = 1 < len(several) <= MOST_INSETS
         numbers = dict(zip(several, chain([first], further), strict=False)) if few else {}
         for one in met:
-            number, label = (numbers[one.number], one.told) if few else (first, str(pair))
-            found.append(one.moved(pose)._replace(number=number, told=label, pair=both))
+            number, label = (numbers[one.number], one.text) if few else (first, str(pair))
+            found.append(one.moved(pose)._replace(number=number, text=label, pair=both))
     return sorted(found, key=lambda one: one.number)
 
 
@@ -222,7 +222,7 @@ def barriers(
         found += [] if one is None else [one._replace(pair=pair)]
     several = len(found) > 1
     return [
-        one._replace(number=number * several, told=" - ".join(names[k] for k in one.pair) * several)
+        one._replace(number=number * several, text=" - ".join(names[k] for k in one.pair) * several)
         for number, one in enumerate(found, 1)
     ]
 
@@ -252,14 +252,14 @@ def parts_of(solution: AssemblySolution) -> tuple[ShownBodies, list[Touching]]:
         tuple(sorted((rows[pair.one], rows[pair.two]))): pair.asked.get("clearance", 0.0) for pair in assembly.contacts
     }
     needs |= {(k, len(rows) + j): keep_out.clearance for k in moving for j, keep_out in enumerate(assembly.keep_out)}
-    return replace(ShownBodies.of_parts(bodies, names), said=refused), barriers(bodies, named, moving, needs)
+    return replace(ShownBodies.of_parts(bodies, names), banner=refused), barriers(bodies, named, moving, needs)
 
 
 def assembly_figure(solution: AssemblySolution, *, title: str = "") -> Figure:
     """Draw the parts as made, after their motions, or where `parts_of` shows them."""
     shown, contacts = parts_of(solution)
-    state = f"as made, {shown.said.rpartition(', ')[2]}" if shown.said else f"after these motions; arrows: {ARROWS}"
+    state = f"as made, {shown.banner.rpartition(', ')[2]}" if shown.banner else f"after these motions; arrows: {ARROWS}"
     caption = f"{assembly_verdict(solution)} (shown {state})" if title else f"shown {state}"  # else said beside it
     if numbered := numbered_contacts(contacts, shown):
-        caption += f"\n{'in the way' if shown.said else 'contacts'}: {'; '.join(numbered)}"
+        caption += f"\n{'in the way' if shown.banner else 'contacts'}: {'; '.join(numbered)}"
     return scene_figure(shown, contacts=contacts, unit=solution.assembly.unit, title=title, caption=caption)

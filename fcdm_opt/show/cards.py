@@ -68,22 +68,22 @@ DOTS = 100  # dots per inch of a card's picture
 class Card(NamedTuple):
     """A card, from its top to its bottom; texts are plain.
 
-    Below its title is a sentence, `said`, then facts, (name, value) or (name, value, unit), of which those without a
+    Below its title is a sentence, `summary`, then facts, (name, value) or (name, value, unit), of which those without a
     value are left out, tables, (heads, lines), and lists of lines by name; of each table and list `most` lines are
     shown, and how many more there are is said. `state` is in a badge beside the title, with a sign before it that tells
     the mood: "good", "bad", "mind" or "". Facts that are `struck` the judge refused. The picture is beside all that, or
-    below it where the page is narrow; `told` is what it shows, for who cannot see it.
+    below it where the page is narrow; `caption` is what it shows, for who cannot see it.
     """
 
     title: str
-    said: str = ""
+    summary: str = ""
     facts: Sequence[Fact] = ()
     tables: Sequence[Rows] = ()
     lists: Mapping[str, Sequence[str]] = {}
     state: str = ""
     mood: str = ""
     picture: Figure | None = None
-    told: str = ""
+    caption: str = ""
     struck: Sequence[str] = ()
     most: int = LISTED
 
@@ -110,9 +110,9 @@ def body_card(body: Body) -> Card:
         ("extent", " x ".join(map(number, np.ptp(body.vertices, axis=0).tolist())), body.unit or "length units"),
         ("off the solid", numbers(off, 3) if any(off := deviation_of(body)) else "", "outward, inward at most"),
     ]
-    told = f"{counted(len(body.faces), 'face')} of the body; the cross is its seed"
+    text = f"{counted(len(body.faces), 'face')} of the body; the cross is its seed"
     lists = {"how it was made": body.notes}
-    return Card(f"Body: {body.name}", facts=facts, lists=lists, picture=body_figure(body), told=told)
+    return Card(f"Body: {body.name}", facts=facts, lists=lists, picture=body_figure(body), caption=text)
 
 
 # --------------------------------------------------------------------------------------------------------------- curves
@@ -134,9 +134,9 @@ def curve_card(curve: DecisionCurve) -> Card:
         ],
         "contact changes at": [f"SW{point.index} ({numbers(point.rho)}), {point.kind}" for point in points],
     }
-    told = f"decision curve, {counted(len(segments), 'segment')}"
-    picture = decision_curve_figure(curve, beside=False) if segments and np.isfinite(curve.box).all() else None
-    return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture, told=told)
+    text = f"decision curve, {counted(len(segments), 'segment')}"
+    picture = decision_curve_figure(curve, tables=False) if segments and np.isfinite(curve.box).all() else None
+    return Card("Decision curve", facts=facts, lists=lists, state=curve.status, picture=picture, caption=text)
 
 
 # ------------------------------------------------------------------------------------------------- problems and answers
@@ -165,7 +165,7 @@ def problem_card(problem: Problem) -> Card:
         lists={"limits": limits_texts(problem), "tracked contact": [own.label for own in problem.tracked_features]},
         state="to be solved",
         picture=before_after_figure(problem),
-        told="decision curve, nominal pair and pair made",
+        caption="decision curve, nominal pair and pair made",
     )
 
 
@@ -187,9 +187,9 @@ def solution_card(solution: Solution) -> Card:
         f"{verdict_text(solution)}{advice}",
         motion=motion,
         made=made,
-        lists={"contact": [feature.told(problem.movable, problem.static) for feature in solution.features]},
+        lists={"contact": [feature.described(problem.movable, problem.static) for feature in solution.features]},
         picture=before_after_figure(problem, solution),
-        told="decision curve before and after the motion, nominal pair and pair made",
+        caption="decision curve before and after the motion, nominal pair and pair made",
     )
 
 
@@ -218,7 +218,7 @@ def assembly_card(solution: AssemblySolution) -> Card:
         tables=[(("part", "relative to", "made", "motion", "amount"), part_texts(solution))],
         lists={"settled by": solution.stages},
         picture=assembly_figure(solution),
-        told="the parts after their motions" if solution.usable else "the parts as made",
+        caption="the parts after their motions" if solution.usable else "the parts as made",
     )
 
 
@@ -239,7 +239,7 @@ def _answer_card(
     struck = [name for name, *_ in facts if solution.status.name == "NOT_VERIFIED" and name not in known]
     return Card(
         _title("Solution", solution.question),
-        said=f"{verdict[:1].upper()}{verdict[1:]}",
+        summary=f"{verdict[:1].upper()}{verdict[1:]}",
         facts=facts,
         state=solution.status.words,
         mood=mood_of(solution),
@@ -266,14 +266,14 @@ def _instruction(solution: Any) -> str:
 
 def _bound(solution: Bounded, unit: str) -> tuple[str, str]:
     """Return the lower bound, to as many digits as the amount, and how far below the amount it is."""
-    told = bound_text(solution).split("\n")[0]
+    text = bound_text(solution).split("\n")[0]
     if not solution.lower_bound > 0.0:
         return "0", "(nothing is proved)" if solution.amount else unit
-    if told == "-" or math.isinf(solution.lower_bound):
-        return told, ""
+    if text == "-" or math.isinf(solution.lower_bound):
+        return text, ""
     near = "of the mesh" if solution.left_by_mesh else "exact"
     gap = near if proved_least(solution) else f"relative gap {number(solution.gap, 2)}"
-    return told, f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
+    return text, f"{unit}, {gap}" if math.isfinite(solution.gap) else unit
 
 
 def _verdict(solution: Bounded) -> str:
@@ -297,7 +297,7 @@ def certificate_card(certificate: Certificate) -> Card:
     held = len(certificate.checks) - len(certificate.failed)
     return Card(
         "Certificate",
-        said=f"{held} of {counted(len(certificate.checks), 'check')} passed",
+        summary=f"{held} of {counted(len(certificate.checks), 'check')} passed",
         tables=[(("result", "check", "value", "limit", "note"), lines)],
         state="passed" if certificate.passed else "not passed",
         mood="good" if certificate.passed else "bad",
@@ -340,13 +340,13 @@ def range_card(coherent: CoherentRange) -> Card:
 def whatif_card(answer: WhatIf) -> Card:
     """Return the card: the amounts, and what else of the answer changed."""
     before, after = answer.before, answer.after
-    told = number(answer.predicted_amount)
+    text = number(answer.predicted_amount)
     if np.isnan(answer.predicted_amount):
-        told = "; ".join(answer.prediction.reasons) or "no amount before"
+        text = "; ".join(answer.prediction.reasons) or "no amount before"
     facts = [
         ("changed", ", ".join(answer.changed) or "nothing"),
         ("amount", f"{number(before.amount)} to {number(after.amount)}", after.problem.amount_unit or "length"),
-        ("predicted", told),
+        ("predicted", text),
         ("status before", before.status.words if before.status is not after.status else ""),
     ]
     kinds = {f"parameters.{name}": kind for each in (before, after) for name, kind in each.problem.motion.parameters}
@@ -357,7 +357,7 @@ def whatif_card(answer: WhatIf) -> Card:
         lines.append((name, *texts))
     tables = [(("of the answer", "before", "after"), lines)]
     state, mood = after.status.words, mood_of(after)
-    return Card("What if", said=after.advice, facts=facts, tables=tables, state=state, mood=mood)
+    return Card("What if", summary=after.advice, facts=facts, tables=tables, state=state, mood=mood)
 
 
 def yield_card(result: AssemblyYield) -> Card:
@@ -395,7 +395,7 @@ def map_card(sizes: CompensationMap) -> Card:
         state="as accurate as asked" if exact else "less accurate than asked",
         mood="good" if exact else "mind",
         picture=map_figure(sizes),
-        told=f"{counted(len(sizes.regions), 'region')} over the box of sizes",
+        caption=f"{counted(len(sizes.regions), 'region')} over the box of sizes",
     )
 
 
@@ -418,7 +418,7 @@ def best_pose_card(best: BestPose) -> Card:
     mood = "bad" if refused else "good" if best.certified else "mind"
     return Card(
         "Best pose for all sizes",
-        said=best.refusal,
+        summary=best.refusal,
         facts=facts,
         state=best.status,
         mood=mood,

@@ -10,7 +10,7 @@ import numpy as np
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import is_round, round_faces, rows_of_element, told_element
+from fcdm_opt.geometry.naming import element_text, is_round, round_faces, rows_of_element
 from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT
@@ -59,7 +59,7 @@ def _along_round_face(problem: Problem, feature: Feature, transform: Array, role
     """
     bodies = [own.full_body or own for own in (problem.movable, problem.static)]
     own, other = (feature.one, feature.two)[:: 1 - 2 * role]
-    text, rows = told_element(bodies[1 - role], other), rows_of_element(bodies[1 - role], other)
+    text, rows = element_text(bodies[1 - role], other), rows_of_element(bodies[1 - role], other)
     if own.kind == "F" or not is_round(text) or not text.startswith(CONVEX):
         return feature
     labels = {tuple(sorted(bodies[1 - role].of_facets.faces[row])) for row in rows}

@@ -143,18 +143,18 @@ def _headings(found: CompensationMap, scene: Scene) -> list[_Heading]:
             continue
         part = [*scene.drawn][[*scene.nominal_scales].index(name)]
         extents = np.ptp(scene.bodies_made[part].vertices, axis=0)
-        told = scene.drawn[part].name or (f"the {part} part" if part in ROLES else part)
+        part_name = scene.drawn[part].name or (f"the {part} part" if part in ROLES else part)
         along = f", length along {'xyz'[int(extents.argmax())]}" if found.unit else ""
         text = partial(_scale_text, found.unit, nominal, float(extents.max()))
-        made.append(_Heading(f"{told}{along}", "" if found.unit else "off nominal", text))
+        made.append(_Heading(f"{part_name}{along}", "" if found.unit else "off nominal", text))
     return made
 
 
 def _size_text(scene: Scene, size: Size, known: bool, off: float) -> str:
     """Return what a size measures by its deviation from drawn, "9.964 mm (-0.036)"; that alone: "-0.036 mm"."""
     (length,) = scene.dimensions_at(size, {size.name: off}).values() if known else (np.nan,)
-    told = size.deviation_text(off, "" if known else scene.unit, DIGITS) if (off := round(off, 9)) else "as drawn"
-    return f"{measured(length, scene.unit)} ({told})" if known else told
+    text = size.deviation_text(off, "" if known else scene.unit, DIGITS) if (off := round(off, 9)) else "as drawn"
+    return f"{measured(length, scene.unit)} ({text})" if known else text
 
 
 def _scale_text(unit: str, nominal: float, length: float, value: float) -> str:
@@ -181,8 +181,8 @@ def write_grids(found: CompensationMap, scene: Scene, base: Path, *, title: str)
     moved = moved if scene.moving == ROLES[:1] else "the parts named before a dot"
     lines: list[list[str]] = []
     for table in tables:
-        told = f"{table.name}, {table.unit}" if table.unit else table.name
-        lines += [[f"{told}: {down} down{f', {across} across' if across else ''}", *table.columns]]
+        heading = f"{table.name}, {table.unit}" if table.unit else table.name
+        lines += [[f"{heading}: {down} down{f', {across} across' if across else ''}", *table.columns]]
         lines += [[row, *cells] for row, cells in zip(table.rows, table.cells, strict=True)]
         lines.append([])
     paths = [base.with_name(f"{base.name}-grid.{ending}") for ending in ("csv", "html")]

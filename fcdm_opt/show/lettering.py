@@ -210,11 +210,11 @@ class Names:
         """Return the point to name and the middle of the first free place, best one clear of lines."""
         low, high = self._axes.bbox.min + half, self._axes.bbox.max - half
         for strict, distance, turn in product((True, False), DISTANCES, np.radians(ANGLES)):
-            way = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
+            direction = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ unit
             # the nearest edge of the name is so far off, whichever way it stands
-            off = distance * self._dot * 0.5 + float(np.abs(half * way).sum())
+            off = distance * self._dot * 0.5 + float(np.abs(half * direction).sum())
             for spot in spots:
-                middle = spot + off * way
+                middle = spot + off * direction
                 within = bool((middle >= low).all() and (middle <= high).all()) and not self._covers(middle, half)
                 if within and not (strict and self._crosses(middle, half)):
                     return spot, middle

@@ -105,7 +105,7 @@ def _signs(sizes: CompensationMap) -> list[str]:
         ),
         "hatched: no motion, or none known": any(np.isnan(own.amounts[0]) for own in sizes.regions),
     }
-    return [told for told, there in signs.items() if there]
+    return [text for text, there in signs.items() if there]
 
 
 def _constant(sizes: CompensationMap) -> bool:

@@ -34,16 +34,16 @@ MOST_NAMED = 200  # segments that are named: of more none could be told from the
 
 
 @styled
-def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "", beside: bool = True) -> Figure:
-    """Draw a decision curve in its box; with `beside` its segments' features and switching points are listed there."""
-    sheet = Sheet.of(PAGE if beside else 3.95, 3.7, title=title, caption=caption)
+def decision_curve_figure(curve: DecisionCurve, *, title: str = "", caption: str = "", tables: bool = True) -> Figure:
+    """Draw a decision curve in its box; with `tables` its segments' features and switching points are listed there."""
+    sheet = Sheet.of(PAGE if tables else 3.95, 3.7, title=title, caption=caption)
     axes = sheet.axes(0.5, 0.38, 3.3, 3.25)
     plane(axes, curve.box)
     draw_curve(axes, curve, BLUE, "-", "decision curve")
     names = Names(axes, pieces(curve))
     name_curve(names, axes, curve, BLUE, sides=(1.0, -1.0))
     name_sides(names, curve)
-    if beside:
+    if tables:
         sheet.list(3.95, 3.63, PAGE - 3.95 - 0.1, listed(curve))
     return sheet.figure
 

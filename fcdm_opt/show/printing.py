@@ -51,8 +51,8 @@ def print_rows(
     from rich.table import Table
 
     out = console()
-    left_out = [column for column in optional if not any(row[column] for row in rows)]
-    kept = [{column: cell for column, cell in row.items() if column not in left_out} for row in rows]
+    dropped = [column for column in optional if not any(row[column] for row in rows)]
+    kept = [{column: cell for column, cell in row.items() if column not in dropped} for row in rows]
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, collapse_padding=True, show_edge=False)
     for column in kept[0]:
         justify: Any = "right" if column in numbers else "left"

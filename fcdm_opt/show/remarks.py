@@ -1,7 +1,7 @@
 """What is to be said of a solution besides its numbers, in sentences that are true of the problem at hand.
 
-`remarks` for every answer: contacts that were closed, keep-outs, how well gaps are known, large motions. `left_out` for
-a report: what the case was solved without.
+`remarks` for every answer: contacts that were closed, keep-outs, how well gaps are known, large motions.
+`not_considered` for a report: what the case was solved without.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.design.whatif.fitting import ACCURACY, NOT_MET, clearance_within
-from fcdm_opt.geometry.bodies import told_solids
+from fcdm_opt.geometry.bodies import solids_notes
 from fcdm_opt.geometry.facet_errors import deviation_of, gaps_off, known_to
 from fcdm_opt.geometry.units import floored, measured, number_text
 from fcdm_opt.model.true_faces import on_true_faces
@@ -42,30 +42,30 @@ class GoodNews(str):
 
 def remarks(solution: Solution) -> list[str]:
     """Return what a table's row does not say, a sentence each; what is as it is to be as `GoodNews`."""
-    told, unit = [], solution.problem.unit
+    lines, unit = [], solution.problem.unit
     if solution.stopped and solution.status.found:
-        told.append(f"{solution.stopped}; the bound is what was proved by then")
+        lines.append(f"{solution.stopped}; the bound is what was proved by then")
     if (snapped := solution.problem.snapped) is not None:
         was = f"nominal ({numbers(snapped.asked, 9)}), where the gap was {measured(snapped.gap, unit, 3)}"
-        told.append(f"{was}, closed to the curve at ({numbers(snapped.pair, 9)})")
+        lines.append(f"{was}, closed to the curve at ({numbers(snapped.pair, 9)})")
     moved = solution.status is not Status.OUTSIDE_FIT  # else no motion is shown that gaps could be of
     for name, gap in solution.keep_out_gaps.items() if moved else ():
         off = f"{measured(abs(gap), unit, 4)} {'clear' if gap > 0 else 'overlapping'}"
         state = "touching" if abs(gap) <= solution.problem.contact_slack else off
-        told.append(f"keep-out {name}: {state}")
+        lines.append(f"keep-out {name}: {state}")
     problem = solution.problem
     overlaps = not solution.status.found and solution.pair_gap < 0.0
     if overlaps and any(gaps_off(problem.bodies)):
         depth = measured(number_text(-solution.pair_gap, 4), unit)
         others = "; what is said of motions is of the true faces" * on_true_faces(problem)
-        told.append(f"overlapping by {depth} is of the facets{others}")
+        lines.append(f"overlapping by {depth} is of the facets{others}")
     low, high = solution.amount_low, solution.amount_high
     known = () if solution.exact_of_mesh else errors_of_facets(problem)
-    told += [*told_solids(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
+    lines += [*solids_notes(problem.bodies), *known, *beyond_tolerances(problem), *sizes_as_drawn(problem)]
     if not (math.isclose(low, high, rel_tol=EXACT) or math.isnan(low) or solution.left_by_mesh):
         end = measured(high, problem.amount_unit)
-        told.append(f"the true parts need between {number_text(low)} and {end}")
-    return [*told, *least_at_rest(problem), *_frames(solution), *_contacts(solution), *_large(solution)]
+        lines.append(f"the true parts need between {number_text(low)} and {end}")
+    return [*lines, *least_at_rest(problem), *_frames(solution), *_contacts(solution), *_large(solution)]
 
 
 def least_at_rest(scene: Scene) -> list[str]:
@@ -124,10 +124,10 @@ def _contacts(solution: Solution) -> list[str]:
             f"open now, by up to {most}; "
             'contacts = "all" asks for all of them'
         ]
-    told = list[str]()
+    lines = list[str]()
     if gaps and not solution.open_contacts:
         every = {1: "the contact is", 2: "both contacts are"}.get(len(gaps), f"all {len(gaps)} contacts are")
-        told.append(GoodNews(f"{every} closed"))
+        lines.append(GoodNews(f"{every} closed"))
     numbered = solution.open_contacts or any(map(NUMBERED.search, solution.active))
     alike = dict[str, list[int]]()
     for k, feature in enumerate(problem.contacts):
@@ -138,34 +138,34 @@ def _contacts(solution: Solution) -> list[str]:
         words = [f"contact {k + 1}, {problem.contacts[k].in_words(problem.movable, problem.static)}" for k in rows]
         if state and len(rows) > MANY:
             words = [f"{words[0]}, and {len(rows) - 1} more ({', '.join(str(k + 1) for k in rows[1:])})"]
-        told.extend(f"{text}{state}" for text in words)
+        lines.extend(f"{text}{state}" for text in words)
     if not solution.status.found:
-        return [*told, *(own for own in solution.active if own[1:] not in solution.advice)]
+        return [*lines, *(own for own in solution.active if own[1:] not in solution.advice)]
     if problem.goal == FIT:
-        told += solution.active
+        lines += solution.active
     else:
         within = solution.unique_within
         box = f" whose weighted parameters are at most {measured(number(within), unit)}" if within < math.inf else ""
         what = "it" if len(problem.contacts) == 1 else "them"
         if within:
-            told.append(GoodNews(f"no other motion{box} closes {what}: proved"))
+            lines.append(GoodNews(f"no other motion{box} closes {what}: proved"))
         elif _leaves_freedom(problem):
             least = solution.gap < CLOSED
-            told.append(
+            lines.append(
                 (GoodNews if least else str)(f"other motions close {what} too" + ": this is the smallest" * least)
             )
         else:
-            told.append(f"whether another motion closes {what} too is not known")
-    return told
+            lines.append(f"whether another motion closes {what} too is not known")
+    return lines
 
 
 def _leaves_freedom(problem: Problem) -> bool:
     """Tell whether there are shifts along all contacts: their normals span less than the motion does."""
     if not problem.motion.shifts:
         return False
-    ways = problem.motion.ways(problem.movable.seed, problem.static.seed)
+    directions = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed)
     normals = np.vstack([joint.normals for joint in problem.chosen_joints])
-    return bool(np.linalg.matrix_rank(normals @ ways.T, tol=DEFAULT.nominal) < len(ways))
+    return bool(np.linalg.matrix_rank(normals @ directions.T, tol=DEFAULT.nominal) < len(directions))
 
 
 def _large(solution: Solution) -> list[str]:
@@ -180,8 +180,8 @@ def _large(solution: Solution) -> list[str]:
     extents = np.array([np.ptp(rest, axis=0), np.ptp(other, axis=0)])
     side = float(extents.min())
     change = np.abs(solution.pair - problem.nominal_pair) / solution.pair @ extents.max(axis=1)
-    open_way = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
-    far = max(LARGE * side, GROWTH * float(change), open_way)
+    open_gap = problem.curve.near_gap(solution.pair, 0.0) * (1.0 + DEFAULT.touch)  # none can be met sooner
+    far = max(LARGE * side, GROWTH * float(change), open_gap)
     if moved <= far and not through:
         return []
     limited = zip(problem.motion.names, problem.limits, strict=True)
@@ -197,7 +197,7 @@ def _large(solution: Solution) -> list[str]:
     return [f"a large motion: {what}{cure}"]
 
 
-def left_out(solution: Solution) -> list[str]:
+def not_considered(solution: Solution) -> list[str]:
     """Return what was not modelled, or not looked at, and why; the template `left_out.txt` says it."""
     problem, counts = solution.problem, solution.modelled
     limited = zip(problem.motion.names, problem.limits.tolist(), strict=True)

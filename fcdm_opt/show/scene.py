@@ -33,7 +33,7 @@ from fcdm_opt.tolerances import DEFAULT
 REFUSED = "#A33F00"
 """Of words that there is no motion to use, 6 to 1 on the light ground that they have in any colour scheme."""
 
-ALONE, VIEW = 2.6, (27.0, -54.0)
+BODY_SIDE, VIEW = 2.6, (27.0, -54.0)
 """Inches across of a body alone, and degrees it is seen from; no symmetric view, in which edges of a cube meet."""
 
 LEAST, MOST, FOOT, MARGIN = 1.9, 3.6, 0.55, 0.34
@@ -57,7 +57,7 @@ COLOURS: tuple[str, ...] = (VERMILLION, BLUE, ORANGE, "#5E5E5E", "#7A4FD0", "#F0
 """Of parts of an assembly, one after the other: told apart with any kind of colour vision, and from the green of
 contacts; last that of overlaps."""
 
-MOST_TOLD, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
+MOST_NAMED, LONGEST_NAME, LEGEND, LETTERS = 8, 160, 1.75, 44
 """Contacts that are numbered and told; letters of a body's name in the legend; inches to the left of this; letters that
 fit in one of its lines."""
 
@@ -201,7 +201,7 @@ def _key(axes: Any, contacts: Sequence[Touching], shown: ShownBodies) -> tuple[t
         else:
             found.append(("swatch", to_hex(np.reshape(handle.get_facecolor(), (-1, 4))[0]), label))
     numbered = (text.partition("\u00a0") for text in numbered_contacts(contacts, shown))
-    return *found, *((number, "", told) for number, _, told in numbered)
+    return *found, *((number, "", text) for number, _, text in numbered)
 
 
 def _magnified(contacts: Sequence[Touching], shown: ShownBodies) -> list[Touching]:
@@ -243,9 +243,9 @@ def _inches_a_length(axes: Any) -> float:
 def body_figure(body: Body) -> Figure:
     """Draw one body as drawn, with its seed."""
     shown = ShownBodies([(body, BLUE, body.name)], np.vstack([body.vertices, body.seed]), VIEW)
-    height = float(np.clip(shown.slenderness * ALONE, LEAST, MOST))
-    sheet = Sheet.of(ALONE, height)
-    axes = _axes_for(sheet, (0.0, 0.0, ALONE, height), shown)
+    height = float(np.clip(shown.slenderness * BODY_SIDE, LEAST, MOST))
+    sheet = Sheet.of(BODY_SIDE, height)
+    axes = _axes_for(sheet, (0.0, 0.0, BODY_SIDE, height), shown)
     _draw_solids(axes, shown)
     axes.scatter(*(body.seed @ page_directions(*VIEW)), s=22, marker="x", color=BLACK, zorder=5)
     return sheet.figure
@@ -267,7 +267,7 @@ class ShownBodies:
     static one, and keep-outs near enough to be shown; or the parts of an assembly. `points`, (n, 3), are what must be
     on the page, and `named`, of two bodies alone, those whose elements features name. `moves`, (4, 4) each, are the
     motions that brought bodies here, the first ones in order; None for one that stays. The motion of body 1 is in words
-    above where it is `said`, or why there is none to use.
+    above where it is `banner`, or why there is none to use.
     """
 
     solids: Sequence[tuple[Body, str, str]]
@@ -275,7 +275,7 @@ class ShownBodies:
     view: tuple[float, float]
     named: tuple[Body, Body] | None = None
     moves: Sequence[Array | None] = ()
-    said: str = ""
+    banner: str = ""
 
     @classmethod
     def of(
@@ -287,7 +287,7 @@ class ShownBodies:
         transform: ArrayLike | None = None,
         keep_out: Sequence[Body] = (),
         view: tuple[float, float] | None = None,
-        said: str = "",
+        banner: str = "",
     ) -> ShownBodies:
         """Return two bodies at given scales and pose, seen from `view`, or from where they hide least of each other.
 
@@ -302,14 +302,14 @@ class ShownBodies:
         )
         points = np.vstack([one.vertices, one.seed, two.vertices, two.seed])
         view = view or _best_view(one, two, np.empty((0, 3)))
-        reach = np.ptp(points, axis=0).max()
-        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+        extent = np.ptp(points, axis=0).max()
+        low, high = points.min(axis=0) - extent, points.max(axis=0) + extent
         near = [b for b in keep_out if (b.vertices.max(axis=0) >= low).all() and (b.vertices.min(axis=0) <= high).all()]
         points = np.vstack([points, *(np.clip(body.vertices, low, high) for body in near)])
         roles = (one, BLUE, "movable"), (two, VERMILLION, "static"), *((body, GREY, "keep-out") for body in near)
         solids = [(body, colour, f"{role}: {shortened(body.name, LONGEST_NAME)}") for body, colour, role in roles]
         moves = () if transform is None else (np.asarray(transform, dtype=float),)
-        return cls(solids, points, view, named, moves, said)
+        return cls(solids, points, view, named, moves, banner)
 
     @classmethod
     def of_parts(cls, bodies: Sequence[Body], names: Sequence[str], moves: Sequence[Array | None] = ()) -> ShownBodies:
@@ -425,7 +425,7 @@ def draw_scene(
 def _banner(shown: ShownBodies, width: float) -> tuple[list[str], float]:
     """Return what is said above bodies, in lines of a scene so many inches across, and how high these are in inches."""
     room = SLACK * (width - 2.0 * FRAME)
-    lines = fitted(Sheet.of(width, 1.0).figure, shown.said, BANNER, room, weight="bold") if shown.said else []
+    lines = fitted(Sheet.of(width, 1.0).figure, shown.banner, BANNER, room, weight="bold") if shown.banner else []
     return lines, len(lines) * SPACING * BANNER / 72.0 + 3.0 * FRAME * bool(lines)
 
 
@@ -448,8 +448,8 @@ def draw_numbered(
     written, led = set[str](), 0
     for number, (place, _) in sorted(places.items(), key=lambda own: -own[1][1]):
         away = place - middle
-        way = away if away.any() else np.array([0.0, 1.0])
-        if led < MOST_LED and (far := names.put(number, place, way, colour=BLACK, upon=True)) is not None:
+        direction = away if away.any() else np.array([0.0, 1.0])
+        if led < MOST_LED and (far := names.put(number, place, direction, colour=BLACK, upon=True)) is not None:
             written.add(number)
             led += far > 0.0
     return axes, written
@@ -512,12 +512,12 @@ def _draw_old(
     from matplotlib.collections import LineCollection
 
     page = page_directions(*shown.view)
-    width, alone = float(np.ptp(axes.get_xlim())), raster.empty()
+    width, own = float(np.ptp(axes.get_xlim())), raster.empty()
     polygons, edges, opened = _cut_open(old, cut, np.cross(page[:, 0], page[:, 1]))
-    alone.fill(polygons + opened, BLUE, 0)
-    pieces = _joined(alone.visible(edges), width)
+    own.fill(polygons + opened, BLUE, 0)
+    pieces = _joined(own.visible(edges), width)
     axes.add_collection(LineCollection(pieces, colors=shown.solids[k][1], zorder=3, **OLD))
-    return alone, pieces
+    return own, pieces
 
 
 def _name_old(
@@ -566,14 +566,14 @@ def _draw_arrow(axes: Any, drawn: Sequence[Raster], shown: ShownBodies, old: Bod
     far = int(lengths.argmax())
     if not lengths[far] > 0.0:
         return np.empty((0, 2))
-    way = steps[far] / lengths[far]
+    direction = steps[far] / lengths[far]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     gap = 0.03 * (right - left)
-    half = max(float(lengths[far]), 2.5 * gap) / 2.0 * way
-    across = np.array([-way[1], way[0]])
+    half = max(float(lengths[far]), 2.5 * gap) / 2.0 * direction
+    across = np.array([-direction[1], direction[0]])
     grid = np.array([(x, y) for x in range(-AROUND, AROUND + 1) for y in range(-AROUND, AROUND + 1)])
     grid = grid[np.argsort(np.abs(grid) @ (0.6, 1.0), kind="stable")]
-    places = there.mean(axis=0) + gap * grid @ np.array([way, across])
+    places = there.mean(axis=0) + gap * grid @ np.array([direction, across])
     low, high = np.array([left + gap / 3.0, bottom]), np.array([right - gap / 3.0, top - gap])
     within = [at for at in places if all(((end >= low) & (end <= high)).all() for end in (at - half, at + half))]
     aside = 0.6 * gap * np.array([[0.0, 0.0], across, -across])  # so far from all bodies
@@ -603,7 +603,7 @@ def _draw_contacts(
         met = [[] if each.is_overlap else cut.met(each.pieces) for each in contacts]
         opened = {each.number for own, each in zip(met, contacts, strict=True) if own}
         rest = [
-            own or ([] if each.number in opened and len(contacts) > MOST_TOLD else cut.behind(each.pieces))
+            own or ([] if each.number in opened and len(contacts) > MOST_NAMED else cut.behind(each.pieces))
             for own, each in zip(met, contacts, strict=True)
         ]
         seen = [each._replace(pieces=tuple(own)) for own, each in zip(rest, contacts, strict=True) if own]
@@ -762,7 +762,7 @@ def contacts_of(
     """Return what bodies that are shown share at a scale pair on their curve, each place once.
 
     Of a `problem` faces that lie there are told in place of their edges and corners, see `with_whole_faces`. Several
-    contacts are numbered as they are `counted` elsewhere, others after these; the first `MOST_TOLD`, which are told.
+    contacts are numbered as they are `counted` elsewhere, others after these; the first `MOST_NAMED`, which are told.
     """
     features, bodies = [*counted], shown.named or shown.bodies
     met = [(contact.feature, own) for contact, own in pacing.in_time(touching, curve, rho, late=())]
@@ -782,10 +782,10 @@ def contacts_of(
     if len(found) == 1:
         return [found[0][1]]
     whole = ([own] if problem is None else with_whole_faces(problem, [own], curve.transform) for own in features)
-    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(whole, MOST_TOLD), 1)}
+    words = {k: own.in_words(curve.movable, curve.static) for k, (own,) in enumerate(islice(whole, MOST_NAMED), 1)}
     lowest = {text: k for k, text in reversed(words.items())}  # exact at two points, faces touch once
     named = (
-        one._replace(number=lowest[words[number]], told=words[number]) if number in words else one
+        one._replace(number=lowest[words[number]], text=words[number]) if number in words else one
         for number, one in found
     )
     return sorted(named, key=lambda one: one.number or len(found))
@@ -800,7 +800,7 @@ def numbered_contacts(contacts: Sequence[Touching], shown: ShownBodies) -> list[
     for each in contacts:
         alike = next((f"as in cut {own.number}" for own in insets if _look_alike(own, each)), "in the scene alone")
         where = "" if any(own.number == each.number for own in insets) else f" ({alike})"
-        words |= {each.number: f"{each.told}{where}"} if each.told and each.number not in words else {}
+        words |= {each.number: f"{each.text}{where}"} if each.text and each.number not in words else {}
     return [f"{number}\u00a0{words[number]}" for number in words]
 
 
@@ -827,10 +827,10 @@ def _shared(faces: tuple[Element, ...], shown: tuple[Body, Body], near: float) -
         return np.empty((0, 3, 3))
     flat = np.linalg.svd(normal[None])[2][1:]
     one, two = (CrossSection([(each - origin) @ flat.T for each in own], FillRule.NonZero) for own in polygons)
-    outlines = (one ^ two).to_polygons()
-    if not outlines:
+    loops = (one ^ two).to_polygons()
+    if not loops:
         return np.empty((0, 3, 3))
-    return origin + (np.vstack(outlines) @ flat)[np.array(triangulate(outlines))]
+    return origin + (np.vstack(loops) @ flat)[np.array(triangulate(loops))]
 
 
 def shifts_of(problem: Problem) -> tuple[tuple[float, ...], ...]:

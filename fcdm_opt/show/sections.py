@@ -40,7 +40,7 @@ ON_CURVE, ROUNDED = 12, 4.0
 """Pieces that a side of a facet is drawn in where its face is round; corners that are farther off than so many times
 what facets leave of round faces stay where they are."""
 
-BESIDE = 1e-6
+LEVEL_OFFSET = 1e-6
 """Share of the size by which bodies are cut before a contact: faces in the plane itself are neither cut nor left."""
 
 VIEWS = (("from the left", "from the right"), ("from the front", "from the back"), ("from below", "from above"))
@@ -54,14 +54,14 @@ class Touching(NamedTuple):
     point, world frame; `normal`, (3,), is a unit vector across it. Of an overlap the pieces are the surface, and
     `across`, (2, 3), are points of both bodies' surfaces where it is deep; of a gap they are what is nearest of the
     second body, and `across` goes over the gap. `number` is as texts and tables count contacts, 0 where it is the only
-    one, or one of very many; `told` is what touches what, and `pair` has the rows of both bodies among those shown.
+    one, or one of very many; `text` is what touches what, and `pair` has the rows of both bodies among those shown.
     """
 
     pieces: tuple[Array, ...]
     normal: Array
     across: Array | None = None
     number: int = 0
-    told: str = ""
+    text: str = ""
     kind: str = "contact"
     pair: tuple[int, int] = (0, 1)
 
@@ -194,7 +194,7 @@ class Cut(NamedTuple):
             within = (ends[:, :1] <= levels) & (levels <= ends[:, 1:])
             met, areas = (each_once[:, :, None] & within).any(axis=1).mean(axis=0), within.mean(axis=0)
             best = np.lexsort((areas, met))[-1]
-            level = levels[best] + BESIDE * max(body.size for body in bodies)
+            level = levels[best] + LEVEL_OFFSET * max(body.size for body in bodies)
             point = first.middle + (level - first.middle @ facing) * facing
             depths = [-(body.vertices - point) @ facing for body in bodies]
             if not any(0.0 < own.max() < SLIVER * np.ptp(own) for own in depths):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import is_round, told_element
+from fcdm_opt.geometry.naming import element_text, is_round
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
@@ -103,23 +103,23 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
     axes.axvline(0.0, color=BLACK, linewidth=0.6)
     largest = max(abs(bar.value) for bar in shown) or 1.0
     axes.set_xlim(-ROOM * largest if any(bar.value < 0.0 for bar in shown) else -0.02 * largest, ROOM * largest)
-    beside: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
+    style: Any = {"textcoords": "offset points", "fontsize": NOTE, "va": "center"}
     for row, item in zip(middles.tolist(), rows, strict=True):
         if isinstance(item, str):
             axes.annotate(literal(item), (0.02, row), xycoords=("figure fraction", "data"), xytext=(0.0, 0.0),
-                          fontweight="bold", annotation_clip=False, **beside)  # fmt: skip
+                          fontweight="bold", annotation_clip=False, **style)  # fmt: skip
             continue
         bar, less = item, item.value < 0.0
         axes.barh(row, bar.value, 0.62, color=GREY if less else DARK, hatch=HATCH if less else None,
                   edgecolor="white", linewidth=0.0)  # fmt: skip
         axes.annotate(f"{bar.value:+.3g}" if bar.value else "0", (bar.value, row), xytext=(-3.0 if less else 3.0, 0.0),
-                      ha="right" if less else "left", color=DARK, **beside)  # fmt: skip
+                      ha="right" if less else "left", color=DARK, **style)  # fmt: skip
         axes.annotate(bar.unit, (1.0, row), xycoords=("axes fraction", "data"), xytext=(6.0, 0.0),
-                      annotation_clip=False, **beside)  # fmt: skip
+                      annotation_clip=False, **style)  # fmt: skip
     return sheet.figure
 
 
-def _told(problem: Problem, label: str) -> str:
+def _name_of(problem: Problem, label: str) -> str:
     """Return in words what a label of a `Sensitivity` stands for: "top face of lid", "corner 3 of box", "lid"."""
     key, *numbers = label.split("V")
     key = key.strip()
@@ -130,8 +130,8 @@ def _told(problem: Problem, label: str) -> str:
     corners = tuple(int(number.strip(",")) for number in numbers)
     if len(corners) < 2:
         return f"corner {corners[0]} of {name}" if corners else name
-    told = told_element(body, Element("F", corners)).partition(" (facing")[0]
-    return f"{f'facet V{corners[0]},V{corners[1]}... of {told}' if is_round(told) else told} of {name}"
+    text = element_text(body, Element("F", corners)).partition(" (facing")[0]
+    return f"{f'facet V{corners[0]},V{corners[1]}... of {text}' if is_round(text) else text} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
@@ -185,12 +185,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
         change = STEP * weight * derivatives.weights[name]
         yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
     for label, value in _largest(derivatives.faces):
-        yield Bar(_told(problem, label), shift * value, length, SHIFTED)
+        yield Bar(_name_of(problem, label), shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():
         for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.vertices.items()}):
-            yield Bar(_told(problem, label), shift * value, length, MOVED)
+            yield Bar(_name_of(problem, label), shift * value, length, MOVED)
     for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.seeds.items()}):
-        yield Bar(f"seed of {_told(problem, label)}", shift * value, length, MOVED)
+        yield Bar(f"seed of {_name_of(problem, label)}", shift * value, length, MOVED)
 
 
 def _in_words(name: str, kind: str) -> str:

@@ -41,7 +41,7 @@ class SolvedCase:
     unproved: str = ""
 
     @property
-    def beside(self) -> dict[str, float | None]:
+    def extras(self) -> dict[str, float | None]:
         """What is set beside the solution of a problem; nothing beside that of an assembly."""
         names = ("published_amount", "touch_amount", "fits_up_to")
         return {name: getattr(self, name) for name in names if isinstance(self.solution, Solution)}

@@ -16,7 +16,7 @@ import numpy as np
 from fcdm_opt.curve.true_sizes import widened
 from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.bodies import Body, told_solids
+from fcdm_opt.geometry.bodies import Body, solids_notes
 from fcdm_opt.geometry.facet_errors import round_surfaces, rounding_line
 from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
 from fcdm_opt.geometry.size import direction, direction_level
@@ -88,8 +88,8 @@ def listed_faces(body: Body) -> tuple[ListedFace, ...]:
 def print_faces(body: Body, role: str) -> None:
     """Print the faces of a body, as sizes name them; the facets of a cylinder, or of a torus, as one."""
     print_text(f"{role}: body '{body.name}'" if body.name != role else f"body '{role}'")
-    for told in filter(None, [*told_solids((body,)), rounding_line((body,))]):
-        print_text(told)
+    for text in filter(None, [*solids_notes((body,)), rounding_line((body,))]):
+        print_text(text)
     rows, round_places, whole = [], _round_places(body), body.full_body or body
     rings = [own for own in whole.surfaces or () if own[0].ring]
     tori = {
@@ -108,8 +108,8 @@ def print_faces(body: Body, role: str) -> None:
             rows.append({"face": face["face"], "name": name, "normal": axis, "plane": plane, "area": covered})
             continue
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
-        told = "" if name.startswith("face ") else name
-        rows.append({**face, "name": told, "area": covered, "vertices": ",".join(corners)})
+        shown = "" if name.startswith("face ") else name
+        rows.append({**face, "name": shown, "area": covered, "vertices": ",".join(corners)})
     of_facets = body.surfaces is None and any(", " in row["plane"] for row in rows if row["area"])
     notes = ["area of a round face: that of its facets"] * of_facets
     print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",), notes=notes)
@@ -128,8 +128,8 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
         ball = own.surface.line is None
         centre = origin if ball else origin + (along.min() + along.max()) / 2.0 * axis
         centre = np.where(np.abs(centre) <= DEFAULT.nominal * body.size, 0.0, centre)
-        way = "" if ball else f"axis {direction(axis).removeprefix('+')}"
-        found |= dict.fromkeys(own.faces, (way, f"centre ({numbers(centre.tolist())})"))
+        axis_text = "" if ball else f"axis {direction(axis).removeprefix('+')}"
+        found |= dict.fromkeys(own.faces, (axis_text, f"centre ({numbers(centre.tolist())})"))
     return found
 
 
@@ -182,8 +182,8 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         }
         for own in contributions
     ], numbers=("half tolerance", "mean gap per unit", "of the worst case", "of the variance"))  # fmt: skip
-    for told in stack_notes(stack):
-        print_text(told)
+    for note in stack_notes(stack):
+        print_text(note)
         print_text()
     contacts, head = stack.contacts, DRAWN if all(own.at_scale is None for own in stack.touching.bodies) else SCALED
     print_rows([

@@ -41,7 +41,7 @@ a scale of colours."""
 WIDE, HIGH, ONE = 4.8, 1.5, 2.7
 """Inches: width of a panel that stands alone, least height of one of several, and that of one."""
 
-KEY, LETTERS, BESIDE = 0.15, 112, 9
+KEY, LETTERS, KEY_MARK = 0.15, 112, 9
 """Inches that a line of the legend is high; letters that fit into it, and what goes with each key counts as so many."""
 
 POINTS = "points worked out"
@@ -139,7 +139,7 @@ def _fields(
 
     markers = _markers(data)
     labels = axis_text(along.label), axis_text(across.label)
-    sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], beside=BAR)
+    sheet, spots = _panels(others, labels, words, [*map(status_text, markers)], margin=BAR)
     known = data.amounts[np.isfinite(data.amounts)]
     scale = Normalize(0.0, float(known.max()) if known.size else 1.0)
     for place, axes in spots:
@@ -164,12 +164,12 @@ def _fields(
 
 def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResult, words: tuple[str, str]) -> Figure:
     """Draw the share of points whose amount is at most so much, a line for each other value, with the budget."""
-    told, within = "", result.assembly_yield
+    label, within = "", result.assembly_yield
     if within is not None:
         ends = " ({:.1%} to {:.1%})".format(*within.interval) if within.interval else ""
         budget = measured(f"{within.budget:g}", result.unit)
-        told = f"budget {budget}: {within.share:.1%} within{ends}"
-    keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [told])]
+        label = f"budget {budget}: {within.share:.1%} within{ends}"
+    keys = [*(name or POINTS for _, name in _combinations(cases)), *filter(None, [label])]
     sheet, ((_, axes), *_) = _panels([], (data.amount, "share of points with at most this amount"), words, keys)
     for k, (at, name) in enumerate(_combinations(cases)):
         part = data.at(cases, at)
@@ -178,7 +178,7 @@ def _shares(data: _StudyAmounts, cases: Sequence[_StudyAxis], result: StudyResul
             share = np.arange(1, known.size + 1) / int(np.count_nonzero(part.statuses != "PENDING"))
             axes.step([known[0], *known], [0.0, *share], where="post", label=name or POINTS, **_look(k))
     if within is not None:
-        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=told)
+        axes.axvline(within.budget, color=DARK, linestyle=(0, (2, 2)), linewidth=1.0, label=label)
     known = data.amounts[np.isfinite(data.amounts)]
     if known.size and known.min() > 0.0 and math.log10(known.max() / known.min()) > DECADES:
         axes.set_xscale("log")
@@ -197,7 +197,7 @@ def _panels(
     words: tuple[str, str],
     keys: Sequence[str],
     *,
-    beside: float = 0.0,
+    margin: float = 0.0,
 ) -> tuple[Sheet, list[tuple[list[int], Any]]]:
     """Return a sheet with a panel for each combination of values, and their places; room below for keys.
 
@@ -208,13 +208,13 @@ def _panels(
     spots = list(_combinations(axes))[:PANELS]
     columns = min(len(spots), 3 if len(spots) > 4 else 2)
     rows = math.ceil(len(spots) / columns)
-    width = (PAGE - LEFT - RIGHT - beside - ACROSS * (columns - 1)) / columns
+    width = (PAGE - LEFT - RIGHT - margin - ACROSS * (columns - 1)) / columns
     width, height = (min(WIDE, width), ONE) if columns == 1 else (width, max(HIGH, 0.75 * width))
-    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + BESIDE))))
+    across = min(COLUMNS, max(1, int(LETTERS / (max(map(len, keys), default=0) + KEY_MARK))))
     foot = KEY * math.ceil(len([key for key in keys if key]) / across) + 0.05
     step = height + (ABOVE if axes else 0.08)
     sheet = Sheet.of(PAGE, foot + BELOW + rows * step, title=words[0], caption=words[1])
-    left = LEFT if columns > 1 else (PAGE - width - beside) / 2 + 0.1
+    left = LEFT if columns > 1 else (PAGE - width - margin) / 2 + 0.1
     made: list[tuple[list[int], Any]] = []
     for k, (place, name) in enumerate(spots):
         row, column = divmod(k, columns)
@@ -234,8 +234,8 @@ def _panels(
 def _combinations(axes: Sequence[_StudyAxis]) -> Iterator[tuple[list[int], str]]:
     """Yield the places of every combination of values, and its name; one without a name where there are no axes."""
     for place in product(*(range(len(axis.values)) for axis in axes)):
-        told = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
-        yield list(place), ", ".join(told)
+        texts = [_value(axis, axis.values[k]) for axis, k in zip(axes, place, strict=True)]
+        yield list(place), ", ".join(texts)
 
 
 def _value(axis: _StudyAxis, value: Any) -> str:

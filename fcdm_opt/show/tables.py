@@ -92,7 +92,7 @@ def print_curves(curves: Mapping[DecisionCurve, Sequence[str]]) -> None:
 
 def _label(feature: Any, bodies: Any) -> str:
     """Return a feature's label with names of round and large faces, on two lines where it is long."""
-    label: str = feature.told(bodies.movable, bodies.static)
+    label: str = feature.described(bodies.movable, bodies.static)
     return label if len(label) <= 2 * CELL_WIDTH else label.replace("; ", ";\n  ")
 
 
@@ -112,7 +112,7 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
     lettered = any(row.solution.problem.requirement for row in rows)
     print_lines([f"Requirements: {WORDS['requirement'].partition(': ')[2]}."] * lettered)
     print_rows([_cells(row) for row in rows], numbers=NUMBERS, optional=OPTIONAL)
-    said: dict[str, list[str]] = {}  # notes, and the cases that they are of
+    noted: dict[str, list[str]] = {}  # notes, and the cases that they are of
     stages = {name: sum(row.solution.seconds.get(name, 0.0) for row in rows) for name in SHARES}
     for row in rows:
         solution = row.solution
@@ -126,13 +126,13 @@ def print_solutions(rows: Sequence[SolvedCase]) -> None:
         if cause := solution.left_by_mesh.partition(": ")[2]:  # the same of many cases
             notes.append(f"what true parts need is left open: {cause}")
         for text in notes:
-            said.setdefault(text, []).append(solution.problem.name)
-    for text, names in said.items():
+            noted.setdefault(text, []).append(solution.problem.name)
+    for text, names in noted.items():
         print_text(f"{', '.join(names)}: {text}", indent="   ")
     problems = [row.solution.problem for row in rows]
     bodies = [body for each in problems for body in (each.movable, each.static, *(some.body for some in each.keep_out))]
     for text in dict.fromkeys(f"{body.name}: {note}" for body in bodies for note in body.notes if note):
-        if text in said:
+        if text in noted:
             continue
         head, exactly, _ = text.partition(CUT)  # how it was cut stands in the report
         print_text(f"{head}{exactly}", indent="   ")
@@ -282,7 +282,7 @@ def print_case(file: str, problem: Scene) -> None:
         print_text(text)
 
 
-def print_said(result: Any) -> None:
+def print_as_text(result: Any) -> None:
     """Print what a result itself says in words: regions of a map, clashes and their cures, the pose for all sizes."""
     print_lines(str(result).splitlines())
 

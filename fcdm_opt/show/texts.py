@@ -94,8 +94,8 @@ def asked_text(scene: Scene) -> str:
     made = sizes_text(scene) or (f"{word}, which is as drawn" if isinstance(word, str) else "")
     if isinstance(scene, Assembly):
         scales = (f"{part} {signed(100.0 * (x - 1.0), 6)} %" for part, x in scene.scales.items() if x != 1.0)
-        told = ", ".join(filter(None, [*scales, made]))
-        return f"made {told}" if told else "parts as drawn"
+        text = ", ".join(filter(None, [*scales, made]))
+        return f"made {text}" if text else "parts as drawn"
     problem: Any = scene
     more = f", made {made}" if made else ""
     if problem.requirement:
@@ -300,27 +300,27 @@ def advised(case: SolvedCase) -> str:
     Without how they do not fit, and what their facets leave open, which the verdict says.
     """
     fits, of_mesh, advice = case.fits_up_to, case.solution.left_by_mesh, case.solution.advice
-    told = _with_sizes(case.solution) if IMPOSSIBLE.search(advice) else advice
-    told = told.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else told
-    if told.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
-        told = re.sub(r"^.*?(?<!\bno)\. ", "", told, flags=re.DOTALL)
-    told = IMPOSSIBLE.sub(lambda own: f"{own[2][:1].upper()}{own[2][1:]}.", told)
+    text = _with_sizes(case.solution) if IMPOSSIBLE.search(advice) else advice
+    text = text.replace(f" {of_mesh[:1].upper()}{of_mesh[1:]}.", "") if of_mesh else text
+    if text.startswith("Does not fit"):  # a name in it may be "cylinder no. 3"
+        text = re.sub(r"^.*?(?<!\bno)\. ", "", text, flags=re.DOTALL)
+    text = IMPOSSIBLE.sub(lambda own: f"{own[2][:1].upper()}{own[2][1:]}.", text)
     if fits is None:
-        return told
+        return text
     problem, motion = case.solution.problem, "As meshed, with this motion" if of_mesh else "With this motion"
     if not fits > 0.0 and problem.contacts and (clear := _clear_up_to(problem)):
         fits, motion = clear, 'This motion closes all contacts again at no tolerance. With goal "clear"'
     if not fits > 0.0 or problem.tolerance is None:
-        return f"{told} The parts fit at no tolerance: {_unfit(problem)}."
+        return f"{text} The parts fit at no tolerance: {_unfit(problem)}."
     others = "" if problem.tolerance.max() == problem.tolerance.min() else ", the largest of these tolerances"
-    return f"{told} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
+    return f"{text} {motion} the parts fit up to ±{floored(100.0 * fits, 3)} %{others}."
 
 
 def _clear_up_to(problem: Problem) -> float:
     """Return up to which tolerance parts fit whose contacts no motion closes at any; 0 where at none, or no time."""
-    from fcdm_opt.design.whatif.fitting import TOLD, fits_up_to
+    from fcdm_opt.design.whatif.fitting import MOST_SECONDS, fits_up_to
 
-    with pacing.within(TOLD):
+    with pacing.within(MOST_SECONDS):
         return pacing.in_time(fits_up_to, problem.changed(goal="clear", pair="any"), late=None) or 0.0
 
 
@@ -404,14 +404,14 @@ def study_facts(result: StudyResult) -> list[tuple[str, str, str]]:
     """Return name, value and small print of what a study found: points, amounts, yield, time."""
     amounts = sorted(row["amount"] for row in result.rows() if row["usable"])
     counts = ", ".join(f"{count} {status_text(status)}" for status, count in result.counts.items())
-    told = [("points", str(len(result.points)), counts)]
+    rows = [("points", str(len(result.points)), counts)]
     if amounts:
         least, middle, largest = (shown(amounts[k]) for k in (0, len(amounts) // 2, -1))
-        told.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"median {middle}"))
+        rows.append((f"amounts ({result.unit or 'length units'})", f"{least} to {largest}", f"median {middle}"))
     if (share := result.assembly_yield) is not None:
         within = f"yield within {measured(f'{share.budget:g}', result.unit)}"
-        told.append((within, f"{share.share:.2%}", share.sure_text))
+        rows.append((within, f"{share.share:.2%}", share.sure_text))
     if result.seconds:
         parts = ", ".join(f"{name} {value:.3g}" for name, value in result.seconds.items() if name != "point")
-        told.append(("working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
-    return told
+        rows.append(("working time", f"{result.seconds.get('point', 0.0):.3g} s", parts))
+    return rows

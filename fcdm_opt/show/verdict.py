@@ -14,7 +14,7 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import gaps_off
-from fcdm_opt.geometry.naming import is_round, told_element, with_article
+from fcdm_opt.geometry.naming import element_text, is_round, with_article
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.engagement import goes_through
 from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
@@ -104,11 +104,11 @@ def barring(scene: Scene) -> str:
         return ""
     single = [name for name in every if len(every) == 1 or usable_answer(without(scene, [name])) is not None]
     names = [every[name] for name in single or every]
-    told = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
+    text = f"in the way: {' or '.join(names) if single else texts.listed(names)}, without which there is a motion"
     if len(single) == 1 and single[0] in contacts:
         kept = pacing.in_time(largest_clearance, scene, single[0], late=None)
-        told += f"; {texts.kept_text(kept, scene.unit)} can be kept" if kept and kept.clearance else ""
-    return told
+        text += f"; {texts.kept_text(kept, scene.unit)} can be kept" if kept and kept.clearance else ""
+    return text
 
 
 def _without_clearance(problem: Problem, why: str) -> str:
@@ -174,7 +174,7 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
     sizes = " while both scales change, as little as keeps it (at unchanged sizes the parts come apart or overlap)"
     near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
     sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
-    told = [f"{head}{sizes}, until"]
+    lines = [f"{head}{sizes}, until"]
     for side, event in zip(("backwards", "forwards"), coherent.events, strict=True):
         values = (event.x * coherent.direction).tolist() if math.isfinite(event.x) else []
         steps = " and ".join(map(" ".join, _done(problem, values) if values else [])) or "no motion at all"
@@ -186,8 +186,8 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
             what = f"{steps}; beyond, {contact_text(problem, event.successors)} instead"
         else:
             what = f"{steps}{'; there,' if event.x else ':'} {labels_in_words(event.what, problem)}"
-        told.append(f"{side}: {what}")
-    return [*told, *(f"round faces are followed as facets; {line}" for line in coherent.known_to)]
+        lines.append(f"{side}: {what}")
+    return [*lines, *(f"round faces are followed as facets; {line}" for line in coherent.known_to)]
 
 
 def shared_range_texts(found: AssemblyRange) -> list[str]:
@@ -226,7 +226,7 @@ def _steps(solution: Solution) -> list[tuple[str, str]]:
     return _done(solution.problem, list(solution.parameters.values()))
 
 
-def motion_said(solution: Solution) -> str:
+def motion_text(solution: Solution) -> str:
     """Return the motion in words, for an arrow: "0.25 mm along -z, then 2 deg about +x"; "" without one."""
     steps = _steps(solution)
     return _in_order(steps, "")[1] if steps else ""
@@ -271,8 +271,8 @@ def instruction(solution: Solution) -> str:
 
 def instruction_text(name: str, steps: list[tuple[str, str]]) -> str:
     """Return what to do with a part: "move nut 0.25 mm along -z, then turn it 2 deg about +x"."""
-    verb, told = _in_order(steps, "it ") if steps else ("", "")
-    return f"{verb} {name} {told}" if steps else f"leave {name} where it is"
+    verb, text = _in_order(steps, "it ") if steps else ("", "")
+    return f"{verb} {name} {text}" if steps else f"leave {name} where it is"
 
 
 def _in_order(steps: list[tuple[str, str]], again: str) -> tuple[str, str]:
@@ -337,7 +337,7 @@ def _sliding_contact(solution: Solution) -> str:
     rates = motion.rates(rest)[1][:, :3]
     for feature in solution.features:
         sides = (feature.one, problem.movable), (feature.two, problem.static)
-        flat = [pair for pair in sides if pair[0].kind == "F" and not is_round(told_element(pair[1], pair[0]))]
+        flat = [pair for pair in sides if pair[0].kind == "F" and not is_round(element_text(pair[1], pair[0]))]
         if not flat:
             return ""
         corners = flat[0][1].vertices[np.array(flat[0][0].vertices) - 1]
@@ -359,18 +359,18 @@ def contact_text(
     `transform`: of the movable part there. `named`: it is named, where no text before it does.
     """
     features = with_whole_faces(problem, features, transform)
-    told: dict[str, list[str]] = {}
+    found: dict[str, list[str]] = {}
     for feature in features:
-        one, two = told_element(problem.movable, feature.one), told_element(problem.static, feature.two)
+        one, two = element_text(problem.movable, feature.one), element_text(problem.static, feature.two)
         flat = feature.kind == "F1F2" and not is_round(one) and not is_round(two)
         mine = f"{with_article(one)} of {name_of(problem, 0)}" if named else f"its {one}"
-        others = told.setdefault(f"{mine} {'lies on' if flat else 'touches'}", [])
+        others = found.setdefault(f"{mine} {'lies on' if flat else 'touches'}", [])
         others += [two] if two not in others else []
-    if not told:
+    if not found:
         return ""
-    pairs = [(step, two) for step, others in told.items() for two in others]
+    pairs = [(step, two) for step, others in found.items() for two in others]
     most = CONTACTS if len(pairs) <= CONTACTS else 1  # as of a shaft in its bore, of facets: one says what they are
-    few = [(step, [with_article(two) for own, two in pairs[:most] if own == step]) for step in told]
+    few = [(step, [with_article(two) for own, two in pairs[:most] if own == step]) for step in found]
     shown = [f"{step} {' and '.join(others)}" for step, others in few]
     words = " and ".join(shown[: len({step for step, _ in pairs[:most]})])
     more = f", and {texts.counted(len(pairs) - most, 'more contact')}" if len(pairs) > most else ""
@@ -406,12 +406,12 @@ def fit_text(problem: Problem) -> str:
     facets = problem.of_facets
     low, high, of_facets = _drawn_gaps(facets.movable, facets.static, tuple(ends.ravel().tolist()))
     slack = problem.contact_slack
-    told = [
+    lengths = [
         f"{length_text(problem, abs(gap))} {'apart' if gap > slack else 'overlapping' if gap < -slack else 'touching'}"
         for gap in (low, high)
     ]
     between = " (between facets)" if of_facets else ""
-    fits = [f"unmoved, over the whole tolerance: from {told[0]} to {told[1]}{between}"]
+    fits = [f"unmoved, over the whole tolerance: from {lengths[0]} to {lengths[1]}{between}"]
     for pair in mating_cylinders((facets.movable, facets.static)):
         inside = int(pair[0].name.startswith("bore"))
         room, thick = (2.0 * pair[k].surface.radius * ends[k] for k in (1 - inside, inside))

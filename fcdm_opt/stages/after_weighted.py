@@ -87,14 +87,14 @@ def _direct(task: Task) -> list[Array]:
     i, j = np.unravel_index(int((gaps - task.needs).argmin()), gaps.shape)
     parts = int(i), int(j)
     _, rows, separations = task.separations(parts, task.pose(task.rest))
-    way, gap = rows[separations.argmax(), :3], float(separations.max())
+    normal, gap = rows[separations.argmax(), :3], float(separations.max())
     if gap > 0:
-        way = task.way_between(parts, task.rest)
-        way, gap = way / np.linalg.norm(way), float(task.pair_gaps(task.rest, {parts: way})[parts])
+        normal = task.direction_between(parts, task.rest)
+        normal, gap = normal / np.linalg.norm(normal), float(task.pair_gaps(task.rest, {parts: normal})[parts])
     rates = task.rates(task.rest)[1]
     shifts = rates[:, :3, :3] @ task.movable.seed + rates[:, :3, 3]
     turns = task.size * np.array([[W[2, 1], W[0, 2], W[1, 0]] for W in rates])
-    wanted = np.concatenate([(gap - max(task.needs[j], 0.0)) * way, np.zeros(3)])
+    wanted = np.concatenate([(gap - max(task.needs[j], 0.0)) * normal, np.zeros(3)])
     effects = np.hstack([shifts, turns]).T
     q = np.linalg.lstsq(effects, wanted, rcond=DEFAULT.nominal)[0]
     if np.linalg.norm(effects @ q - wanted) > MOST_ASIDE * np.linalg.norm(wanted):

@@ -21,7 +21,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 # Nodes that `nearest_on` looks at, times as many as the most alternatives of one of several groups; those of a single
 # one are tried the nearest first. And the length beyond which nothing is of interest.
-MOST_NODES, MOST_WAYS, FARTHEST = 2000, 500_000, 1e6
+MOST_NODES, MOST_CHOICES, FARTHEST = 2000, 500_000, 1e6
 SOON = 200  # nodes: what they do not settle is mostly impossible
 
 
@@ -108,8 +108,8 @@ class Choices(NamedTuple):
         """Return by how much each alternative, and each group's best, is missed where `short` tells it of each row."""
         if not len(self.groups):
             return np.empty(0), np.empty(0)
-        of_ways = np.maximum.reduceat(short, self.alternatives)
-        return of_ways, np.asarray(np.minimum.reduceat(of_ways, self.groups))
+        of_choices = np.maximum.reduceat(short, self.alternatives)
+        return of_choices, np.asarray(np.minimum.reduceat(of_choices, self.groups))
 
     def met(self, y: Array) -> bool:
         """Tell whether y meets an alternative of each group."""
@@ -209,8 +209,8 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     centre = np.asarray(np.linalg.lstsq(slopes, levels, rcond=DEFAULT.nominal)[0], dtype=np.float64)
     if np.abs(slopes @ centre - levels).max(initial=0.0) > DEFAULT.touch:
         return None, True
-    _, sizes, ways = np.linalg.svd(slopes)
-    free = ways[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
+    _, sizes, vectors = np.linalg.svd(slopes)
+    free = vectors[int((sizes > DEFAULT.nominal * sizes.max(initial=0.0)).sum()) :]  # rows span the null space
     start, flat = _across(limits, centre, free)
     if (start.levels[flat] > DEFAULT.touch).any():
         return None, True
@@ -218,15 +218,15 @@ def nearest_on(slopes: Array, levels: Array, limits: Rows, choices: Choices) -> 
     beyond = bool((start.levels > 0.0).any())
     if not (len(choices.groups) or beyond):
         return centre, True
-    left = _seen(choices, limits, centre, free)
-    if left is None:
+    remaining = _seen(choices, limits, centre, free)
+    if remaining is None:
         return None, True
-    if not len(free) or not (len(left.groups) or beyond):
+    if not len(free) or not (len(remaining.groups) or beyond):
         return centre, True
     start = start.and_also(-np.eye(1, len(free)), np.array([-FARTHEST]))
-    sizes = np.diff(left.groups, append=len(left.alternatives))
-    nodes = min(MOST_NODES, MOST_WAYS // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
-    asked = partial(nearest, left, start, np.zeros(len(free)), slack=DEFAULT.cut, most=FARTHEST)
+    sizes = np.diff(remaining.groups, append=len(remaining.alternatives))
+    nodes = min(MOST_NODES, MOST_CHOICES // int(sizes.max())) if len(sizes) > 1 else MOST_NODES
+    asked = partial(nearest, remaining, start, np.zeros(len(free)), slack=DEFAULT.cut, most=FARTHEST)
     for few, tried in ((False, min(SOON, nodes)), (True, nodes)):
         least = asked(nodes=tried, rather_few=few)
         if least.complete:

@@ -42,7 +42,7 @@ FEWEST = 100  # cells that are looked at however large the scene
 CONFIRMING, PROVING = 5e6, 5e7  # cells times vertices that a cell is tested against: some seconds, and a minute
 SOON = 2e6  # the same: about a second; of three parameters within limits less than the program takes to give up
 LARGEST = 2500  # vertex pairs up to which it confirms an answer: about ten milliseconds; of more, only a certificate
-BESIDE = 1e-3  # relative: motions this near to the best known one are not searched from
+CLOSE = 1e-3  # relative: motions this near to the best known one are not searched from
 AGAIN = 1e-2  # relative: nor those this near to one from where a search found nothing
 NEAR = (1e-3, 3e-2, 0.3)  # relative: radius of the descent from a motion that is held back, until one finds a motion
 MANY_PAIRS = 32  # part pairs from which on a program that holds them all takes minutes
@@ -62,8 +62,8 @@ def branch_and_bound(task: Task) -> Answer | None:
     if answer.q is not None or answer.lower_bound < farthest(task):
         return answer
     beyond = descent(replace(task, coherent=False)) if task.coherent else None
-    left = beyond is not None and beyond.q is not None
-    return replace(answer, status=Status.LEFT_COHERENT_RANGE if left else answer.status, last=True)
+    outside = beyond is not None and beyond.q is not None
+    return replace(answer, status=Status.LEFT_COHERENT_RANGE if outside else answer.status, last=True)
 
 
 def _denied(task: Task) -> Answer | None:
@@ -238,7 +238,7 @@ def bounded(
 
     def search(q: Array) -> Array | None:
         nonlocal better
-        if known is not None and np.linalg.norm(task.weights * (q - known)) <= BESIDE * upper:
+        if known is not None and np.linalg.norm(task.weights * (q - known)) <= CLOSE * upper:
             return None  # the bound is held back by the motion known
         if any(many or np.linalg.norm(task.weights * (q - own)) <= AGAIN * upper for own in vain):
             return None

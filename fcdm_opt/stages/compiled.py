@@ -324,7 +324,7 @@ def evaluate(scene, rows, count, only, z, g, G):
     k, target = len(z), pairs[1]
     flat, q = np.empty(12 * (k + 1)), np.empty(k)
     lines, own, rho = np.empty((2, k + 1, 6)), np.empty((k + 1, 6)), np.empty((k + 1, 2))
-    way, here = np.empty(3), -1.0
+    offset, here = np.empty(3), -1.0
     for r in range(count):
         if only[r] <= 0.0:
             continue
@@ -368,10 +368,10 @@ def evaluate(scene, rows, count, only, z, g, G):
                 for c in range(3):
                     moved = e * flat[12 * m + 9 + c] - x * u[c]
                     if m == 0:
-                        way[c] = moved + y * two[w, c]
+                        offset[c] = moved + y * two[w, c]
                     else:
                         value += n[0, c] * moved
-                    value += n[m, c] * way[c]
+                    value += n[m, c] * offset[c]
             if m == 0:
                 g[r] = orientation * value
             else:
@@ -529,13 +529,13 @@ def _violation(g, equal, count):
 @kernel
 def _curvature(scene, rows, count, z, duals, G, lengths, g2, G2, H):
     """Subtract from H the second differences of the rows that count, by their multipliers; tell if there are any."""
-    k, ints, only, beside = len(z), rows[0], np.zeros(count), np.empty(len(z))
+    k, ints, only, shifted = len(z), rows[0], np.zeros(count), np.empty(len(z))
     for c in range(count):
         only[c] = 1.0 if duals[c] != 0.0 and ints[c, TYPE] != ROW_BOUND else 0.0
     for m in range(k):
-        beside[:] = z
-        beside[m] += SPREAD
-        if not evaluate(scene, rows, count, only, beside, g2, G2):
+        shifted[:] = z
+        shifted[m] += SPREAD
+        if not evaluate(scene, rows, count, only, shifted, g2, G2):
             return False
         for c in range(count):
             if only[c] > 0.0:
@@ -779,7 +779,7 @@ def _others(scene, lines, flat, x, y, s, faults, count):
 
 @light
 @kernel
-def ways(scene, z, p1, p2):
+def separating_features(scene, z, p1, p2):
     """Return the sites of a part pair at z, edges' orientations, normals, separations, and slopes by z."""
     motion, parts1, parts2, _, _, pairs, _ = scene
     k, site = len(z), np.array([0, 0, 0, p1, p2])
@@ -893,8 +893,8 @@ def grow(scene, rows, base, count, sites, made, closing, z, slack, duals, begins
                 _line(parts1, parts2, ints[r, KIND : P2 + 1], reals[r, SIGN], pose, line)
                 gap = _foremost(parts1, parts2, p1, p2, flat, x, y, line[0])[2]
                 one, two = _at(_part(parts1, p1)[0], ints[r, V]), _at(_part(parts2, p2)[0], ints[r, W])
-                way = _minus(_times(x, _turned(flat, 0, one)), _times(y, two))
-                stale = not _dot(line[0], _minus(_entry(flat, 9), way)) <= gap + slack
+                offset = _minus(_times(x, _turned(flat, 0, one)), _times(y, two))
+                stale = not _dot(line[0], _minus(_entry(flat, 9), offset)) <= gap + slack
                 changed = changed or (stale and duals[r] > 0.0)
             if not stale:
                 ints[kept], reals[kept], duals[kept] = ints[r], reals[r], duals[r]
@@ -956,7 +956,7 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     radians; `halvings` those of a stretch at whose end the contact is lost.
     """
     path, objectives = scene[6], np.full(len(angles), 2.0 * FAR)
-    way, z = np.empty(2), np.empty(2)
+    direction, z = np.empty(2), np.empty(2)
     faults = (np.zeros((4, ROW), np.int64), np.zeros((4, 3)), np.zeros(4))
     room = np.empty(2), np.empty(12 * 3), np.empty((2, 1, 6)), np.empty((1, 2)), faults
     looks = np.empty((3, len(path)))
@@ -964,13 +964,13 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
     looks[0, 1] = 0.0  # the end of a path alone; then all of it, and more of it
     looks[2, 0], looks[2, 2] = FINER * path[0], path[2] / FINER
     for n in range(len(angles)):
-        way[0], way[1] = math.cos(angles[n]), math.sin(angles[n])
+        direction[0], direction[1] = math.cos(angles[n]), math.sin(angles[n])
         start, end, longest = 0.0, cap, np.inf
         for k in range(2):
-            if abs(way[k]) > PARALLEL:
-                one, two = limits[k, 0] / way[k], limits[k, 1] / way[k]
+            if abs(direction[k]) > PARALLEL:
+                one, two = limits[k, 0] / direction[k], limits[k, 1] / direction[k]
                 start, end = max(start, min(one, two)), min(end, max(one, two))
-                longest = min(longest, steps[1 + k] / abs(way[k]))
+                longest = min(longest, steps[1 + k] / abs(direction[k]))
             elif limits[k, 0] > 0.0 or limits[k, 1] < 0.0:
                 end = -np.inf
         before, best, lost = 0.0, -np.inf, not start <= end
@@ -978,20 +978,20 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
             ahead = min(before + max(steps[0], min(longest, GROWTH * before)), end)
             if before < start < ahead:
                 ahead = start
-            z[0], z[1] = ahead * way[0], ahead * way[1]
+            z[0], z[1] = ahead * direction[0], ahead * direction[1]
             lost = _lost(scene, looks[0], orientations, z, room)
             low, high = before, ahead
             for _ in range(halvings if lost else 0):
                 middle = 0.5 * (low + high)
                 if not low < middle < high:
                     break
-                z[0], z[1] = middle * way[0], middle * way[1]
+                z[0], z[1] = middle * direction[0], middle * direction[1]
                 if _lost(scene, looks[0], orientations, z, room):
                     high = middle
                 else:
                     low = middle
             ahead = low if lost else ahead
-            z[0], z[1] = ahead * way[0], ahead * way[1]
+            z[0], z[1] = ahead * direction[0], ahead * direction[1]
             value = beyond(scene, orientations, z, room)
             if ahead >= start and ahead > 0.0:
                 best = max(best, value)
@@ -1001,12 +1001,12 @@ def objectives(scene, orientations, limits, steps, angles, cap, halvings):
                         middle = 0.5 * (low + high)
                         if not low < middle < high:
                             break
-                        z[0], z[1] = middle * way[0], middle * way[1]
+                        z[0], z[1] = middle * direction[0], middle * direction[1]
                         if beyond(scene, orientations, z, room) >= 0.0:
                             high = middle
                         else:
                             low = middle
-                    z[0], z[1] = high * way[0], high * way[1]
+                    z[0], z[1] = high * direction[0], high * direction[1]
                     lost_soon = _lost(scene, looks[1], orientations, z, room)
                     if not (lost_soon or _lost(scene, looks[2], orientations, z, room)):
                         objectives[n], cap = high, min(cap, high)

@@ -48,7 +48,7 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS, FEW_STEPS, LEAST_STEP = 40, 6, 1e-14  # of Newton's method, and the last, in sizes
 RESTORED = 8  # last steps, of a motion that turns, to one that does, however large
 CONTRACTED = 1e-9  # step, in sizes, below which an equation that is not met will not be
-EVERY, NEAREST_WAYS = 1_000_000, 8  # ways apart of a pair that are tried where it would overlap on a motion that turns
+EVERY, NEAREST_DIRECTIONS = 1_000_000, 8  # of a pair that would overlap on a motion that turns: so many are tried
 MINOR = 1e-3  # share of a motion beside the largest gap, where that is to be least
 AROUND = 4.0  # times the amount so far: how far off what may come too near is looked for
 WIDEST_STEP, SHORT_STEP = 0.25, 1e-3  # in sizes: in which a turn is linearised at first, and up to which all are taken
@@ -80,7 +80,7 @@ def contact_system(task: Task) -> Answer | None:
     if not task.joints:
         return None
     if task.goal != FIT and task.seats_disagree:
-        return Answer(Status.INFEASIBLE, None, UNSEATED, np.inf, _Told([System.of(task)], [""]).sentences(), last=True)
+        return Answer(Status.INFEASIBLE, None, UNSEATED, np.inf, _Texts([System.of(task)], [""]).sentences(), last=True)
     if (found := _by_shifts(task)) is not None:
         return found
     if task.goal == FIT:
@@ -95,9 +95,9 @@ def contact_system(task: Task) -> Answer | None:
         found = _held(task, turning)
         if found is not None and found.q is not None:
             return replace(found, amount=task.amount(found.q), lower_bound=task.displacement_bound, stage=NEWTON)
-    stage, told = LINEAR if task.motion.shifts else NEWTON, _Told([own], [""]).sentences()
+    stage, sentences = LINEAR if task.motion.shifts else NEWTON, _Texts([own], [""]).sentences()
     status, bound = (Status.INFEASIBLE, np.inf) if np.isinf(bound) else (Status.NOT_FOUND, task.displacement_bound)
-    return Answer(status, None, stage, bound, told, last=True)
+    return Answer(status, None, stage, bound, sentences, last=True)
 
 
 def _of_shifts(task: Task) -> tuple[Task | None, Flags]:
@@ -119,7 +119,7 @@ def _by_shifts(task: Task) -> Answer | None:
         return None
     answer = _held(task, turning & held(whole, task.motion, task.movable, task.static))
     if answer is not None and answer.q is None:  # its parameters have other names
-        return replace(answer, active=_Told([System.of(task)], [""]).sentences())
+        return replace(answer, active=_Texts([System.of(task)], [""]).sentences())
     return answer
 
 
@@ -153,11 +153,11 @@ def excluding_contacts(question: Scene) -> list[tuple[int, ...]]:
     return [] if asked is None or len(asked.systems[0].task.joints) > MOST_EXPLAINED else asked.conflicts
 
 
-def _restored(question: Scene) -> _Told | None:
+def _restored(question: Scene) -> _Texts | None:
     """Return what is known of contacts of two parts that are restored together; None where others are asked for."""
     if not (isinstance(question, Problem) and question.contacts and question.goal != FIT):
         return None
-    return _Told([System.of(Task.of(question))], [""])
+    return _Texts([System.of(Task.of(question))], [""])
 
 
 def translations(task: Task) -> Answer | None:
@@ -200,10 +200,10 @@ def among_others(task: Task) -> Answer | None:
 def _answered(own: System, z: Array, bound: float) -> Answer:
     """Return a motion that restores all contacts as the answer; see `least`."""
     task, q, slack = own.task, own.q(z), DEFAULT.active * own.task.size
-    beside = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
-    near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & beside).tolist()
-    gaps = task.pair_gaps(q, {(i, j): task.way_between((i, j), q) for i, j in near})
-    stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & beside).tolist()]
+    counted = np.array([not own.features or obstacle.keep_out >= 0 for obstacle in task.obstacles])
+    near = np.argwhere((task.pair_gaps(q) - task.needs <= slack) & (task.needs > 0.0) & counted).tolist()
+    gaps = task.pair_gaps(q, {(i, j): task.direction_between((i, j), q) for i, j in near})
+    stopped = [(i, j) for i, j in np.argwhere((np.abs(gaps - task.needs) <= slack) & counted).tolist()]
     stopped = stopped if own.features else own.deciding(stopped, z)
     names, count = dict.fromkeys(map(task.named, stopped)), len(task.joints)
     first = f"{count} contacts at once" if count > 1 else "the contact"
@@ -230,7 +230,7 @@ def all_at_once(
     bound = max(known, least_z * systems[0].task.size)
     if z is None:
         status = Status.INFEASIBLE if np.isinf(bound) else Status.NOT_FOUND
-        return Answer(status, None, stage, bound, _Told(systems, names).sentences())
+        return Answer(status, None, stage, bound, _Texts(systems, names).sentences())
     q = systems[0].q(z)
     amount = systems[0].task.amount(q)
     joined = [problem for problem in problems if problem.contacts]
@@ -288,8 +288,8 @@ def check_uniqueness(problem: Problem, task: Task, answer: Answer) -> Answer:
     with suppress(pacing.TimeOverError):
         if len(task.weights) <= MOST_BOXED and _excluded(problem, task):
             return replace(answer, status=Status.INFEASIBLE, lower_bound=np.inf)
-    told = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
-    return replace(answer, lower_bound=bound, active=(*answer.active, told))
+    text = f"below the amount {measured(bound, task.length_unit, 4)} no motion closes all and lets nothing overlap"
+    return replace(answer, lower_bound=bound, active=(*answer.active, text))
 
 
 def _bound_of_own(task: Task, amount: float, half: float) -> float:
@@ -379,7 +379,7 @@ class System:
         if self.task.motion.shifts:
             return []
         own = {feature.parts for feature in self.features}
-        return [turn for seat in self.task.seats if seat.parts in own for turn in seat.turns]
+        return [turn for flush in self.task.seats if flush.parts in own for turn in flush.turns]
 
     @property
     def stage(self) -> str:
@@ -483,8 +483,8 @@ class System:
     def _turned_apart(self, scene: Linearised | None, parts: Parts, y: Array) -> list[Rows]:
         """Return the ways in which a pair may come apart by motions that turn; one that never holds where none is."""
         need, size = float(self.task.needs[parts[1]]), self.task.size
-        ways = sorted(scene.ways(parts) or () if scene else (), key=lambda way: -float(way[1].min()))
-        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in ways[:NEAREST_WAYS]]
+        directions = sorted(scene.separating(parts) or () if scene else (), key=lambda own: -float(own[1].min()))
+        rates = [(np.where(self.moving, J, 0.0), gaps) for J, gaps in directions[:NEAREST_DIRECTIONS]]
         never = Rows(np.zeros((1, len(y))), np.array([np.inf]))
         return [Rows(J, (need - gaps + J @ y) / size) for J, gaps in rates] or [never]
 
@@ -529,14 +529,14 @@ class System:
         task, y, found = self.task, self.task.weights * q, list[Rows]()
         scene, tie = Linearised.of(task, y, AROUND * max(float(np.linalg.norm(y)), task.unit)), DEFAULT.tie * task.size
         for parts in carriers:
-            each = sorted(scene.directions(parts) if scene else (), key=lambda own: -own[1].min())[:NEAREST_WAYS]
+            each = sorted(scene.directions(parts) if scene else (), key=lambda own: -own[1].min())[:NEAREST_DIRECTIONS]
             rows = [np.column_stack([np.where(self.moving, -J, 0.0), gaps]) for J, gaps in each]  # no gap is to be left
             rows = [own[own[:, -1] <= own[:, -1].min() + tie] for own in rows]
             widest = max((own[:, -1].min() for own in rows), default=0.0)
             rows = [own if own[:, -1].min() >= widest - tie else own[:1] for own in rows]
             choices = map(np.array, product(*(own[distinct_rows(own.round(DIGITS))[0]] for own in rows)))
             found += [Rows(x[:, :-1], (x[:, -1] + x[:, :-1] @ y) / task.size) for x in choices if len(x)]
-        rest = (self._rows(parts, q, NEAREST_WAYS) for parts in carriers) if not found else ()
+        rest = (self._rows(parts, q, NEAREST_DIRECTIONS) for parts in carriers) if not found else ()
         return found or [Rows(-own.normals, -own.levels) for own in rest]
 
     def _facing(self, flush: Flush, q: Array, shared: float) -> Rows:
@@ -555,10 +555,10 @@ class System:
         # an edge may lie on the border of a face
         rows, gaps = self.task.separations(parts, self.task.pose(q))[1:]
         normals, over = rows[np.argsort(-gaps), :3], np.zeros(len(gaps))
-        for seat in self.task.seats:
-            if seat.touching == feature and (seat.dimension > 1 or shared > NARROWEST):
-                across = norms(normals - np.outer(normals @ seat.normal, seat.normal))  # aslant as much less is enough
-                width = shared * seat.least / self.task.size
+        for each in self.task.seats:
+            if each.touching == feature and (each.dimension > 1 or shared > NARROWEST):
+                across = norms(normals - np.outer(normals @ each.normal, each.normal))  # aslant as much less is enough
+                width = shared * each.least / self.task.size
                 over = np.where(across > DEFAULT.sharp, np.maximum(over, across * width), over)
         return over
 
@@ -586,7 +586,7 @@ class System:
             if other.keep_out >= 0:  # of an assembly each part may be too near to it
                 name = f"{task.movable.name or 'body 1'} and {name}"
             else:
-                one, two, normal = task.movable.parts[i], task.static.parts[j], task.way_between((i, j), q)
+                one, two, normal = task.movable.parts[i], task.static.parts[j], task.direction_between((i, j), q)
                 normal = normal / np.linalg.norm(normal)
                 contact = facing(one, two, pose, supporting_contact(one, two, normal, pose), task.target, normal, gap)
                 name = contact.feature.in_words(task.movable, task.static)
@@ -747,7 +747,7 @@ def _linearised(systems: Sequence[System], q: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Texts:
     """What keeps contacts from being restored together, and which of them can be; `names` are of the systems."""
 
     systems: Sequence[System]
@@ -760,12 +760,12 @@ class _Told:
 
     def _named(self, group: Sequence[int]) -> str:
         """Return contacts by number, with their system's name."""
-        told = list[str]()
+        texts = list[str]()
         for c in group:
             k, j = self._joints[c]
             number = str(j + 1) if len(self.systems[k].task.joints) > 1 or not self.names[k] else ""
-            told.append(f"{self.names[k]} {number}".strip())
-        return ", ".join(told)
+            texts.append(f"{self.names[k]} {number}".strip())
+        return ", ".join(texts)
 
     def _some(self, group: Sequence[int]) -> list[System]:
         """Return all systems with some contacts, as if there were no others."""
@@ -777,14 +777,14 @@ class _Told:
         count = len(self._joints)
         if count > MOST_EXPLAINED:
             return (f"{count} contacts: too many to tell which exclude each other",)
-        told = [
+        sentences = [
             f"contacts {self._named(group)} exclude each other"
             if len(group) > 1
             else f"contact {self._named(group)} cannot be closed"
             for group in self.conflicts
         ]
-        if told:
-            return (*told, *self._carried())
+        if sentences:
+            return (*sentences, *self._carried())
         return self.violated or ("no motion is found that closes all contacts",) * (count > 0)
 
     @property
@@ -859,7 +859,7 @@ class _Told:
 
     def _carried(self) -> Iterator[str]:
         """Yield which contacts can be closed together while the others are open, and by how much."""
-        count, told = len(self._joints), 0
+        count, named = len(self._joints), 0
         for size in range(count - 1, 0, -1):
             for group in combinations(range(count), size):
                 if any(set(known) <= set(group) for known in self.conflicts):
@@ -867,17 +867,17 @@ class _Told:
                 z, _ = least(self._some(group))
                 if z is None:
                     continue
-                left = {c: self._opened(c, z) for c in range(count) if c not in group}
+                opened = {c: self._opened(c, z) for c in range(count) if c not in group}
                 slack, unit = DEFAULT.touch * self.systems[0].task.size, self.systems[0].task.length_unit
-                if min(left.values()) < -slack:
+                if min(opened.values()) < -slack:
                     continue  # past it, not above it
-                told += 1
+                named += 1
                 others = ", ".join(
                     f"{self._named([c])} {f'open by {measured(x, unit, 4)}' if x > slack else 'not flush'}"
-                    for c, x in left.items()
+                    for c, x in opened.items()
                 )
                 yield f"{self._named(group)} can carry, with {others}"
-            if told:
+            if named:
                 return
 
     def _opened(self, contact: int, z: Array) -> float:
@@ -907,7 +907,7 @@ def _fitted(task: Task) -> Answer:
     none = replace(failed, status=Status.INFEASIBLE, lower_bound=np.inf) if exact else failed
     blocked, trusted, last = set[Parts](), np.inf if exact else WIDEST_STEP, np.zeros(len(z))
     clearances = ForbiddenShifts(task)
-    standing = np.inf if exact else own.misfit(z)
+    misfit = np.inf if exact else own.misfit(z)
     for remaining in reversed(range(SHARPENED if exact else 2 * STEPS)):
         values, slopes = own.linearised(own.q(z))
         count = len(own.features)
@@ -918,10 +918,10 @@ def _fitted(task: Task) -> Answer:
             near = near.and_also(np.vstack([np.eye(len(z)), -np.eye(len(z))]), np.append(z, -z) - trusted)
         kept = near
         if blocked:
-            ways, complete = _ways_of_least_gap(gaps, rates, aligned, kept, choices)
-            if ways is None:
+            choice, complete = _choice_of_least_gap(gaps, rates, aligned, kept, choices)
+            if choice is None:
                 return none if complete else failed
-            kept = kept.and_also(ways.normals, ways.levels)
+            kept = kept.and_also(choice.normals, choice.levels)
         fun = _least_gap(gaps, rates, aligned, kept)
         if fun is None and not exact and trusted < FARTHEST:  # so far what overlaps cannot be undone
             trusted *= 4.0
@@ -934,12 +934,12 @@ def _fitted(task: Task) -> Answer:
         if found is None:
             return failed
         step = float(np.abs(found - z).max())
-        if not exact and step > SHORT_STEP and own.misfit(found) > standing:
+        if not exact and step > SHORT_STEP and own.misfit(found) > misfit:
             trusted = step / 4.0
             continue
         turned = not exact and (found - z) @ last < -TO_AND_FRO * last @ last < 0.0  # to and fro about the least gap
         trusted = min(trusted, step / 2.0) if turned else trusted
-        last, z, standing = found - z, found, np.inf if exact else own.misfit(found)
+        last, z, misfit = found - z, found, np.inf if exact else own.misfit(found)
         if turned and step <= SETTLED:
             step = 0.0
         if not exact and step > CONTRACTED:
@@ -949,7 +949,7 @@ def _fitted(task: Task) -> Answer:
         more = own.blocked(own.q(z)) - blocked
         if task.meets(own.q(z), DEFAULT.requirement) or not more:
             break
-        blocked, standing = blocked | more, np.inf  # what keeps clear of more may fit less
+        blocked, misfit = blocked | more, np.inf  # what keeps clear of more may fit less
     q = own.q(z)
     if not task.meets(q, DEFAULT.requirement):
         return replace(failed, active=(*own.overlaps(q)[:MOST_VIOLATED], "parts overlap besides these contacts"))
@@ -980,7 +980,7 @@ def _least_gap(gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Ro
     return float(program.fun) if program.status == 0 else None
 
 
-def _ways_of_least_gap(
+def _choice_of_least_gap(
     gaps: Array, rates: Array, aligned: tuple[Array, Array], rows: Rows, choices: Choices
 ) -> tuple[Rows | None, bool]:
     """Return the way of each group that is met where the largest gap is least, motions counting little.

@@ -30,7 +30,7 @@ EAGER = 0.7  # ways whose promise times this is no better than what is known are
 STAGE = "4: descent over contact rows"
 
 
-class Way(NamedTuple):
+class Separator(NamedTuple):
     """A site, (kind, i, j, part of 1, part of 2), and the orientation of its normal where it is of edges."""
 
     site: tuple[int, ...]
@@ -48,7 +48,7 @@ class Settled(NamedTuple):
     z: Array
     amount: float
     active: tuple[str, ...]
-    chosen: list[Way]
+    chosen: list[Separator]
     rows: int
     features: int
     parts: set[Parts]
@@ -105,7 +105,7 @@ class Descent:
         return table, numbers, len(made)
 
     def settle(
-        self, starts: Array, enough: float, chosen: Sequence[Way] = (), closing: Parts | None = None
+        self, starts: Array, enough: float, chosen: Sequence[Separator] = (), closing: Parts | None = None
     ) -> Settled | None:
         """Return the least motion found from several starts, (n, k), each on its own.
 
@@ -120,14 +120,14 @@ class Descent:
         return best
 
     def _settled_from(
-        self, start: Array, enough: float, chosen: Sequence[Way], closing: Parts | None
+        self, start: Array, enough: float, chosen: Sequence[Separator], closing: Parts | None
     ) -> Settled | None:
         """Return the same from one start: rows are added for what each solution violates."""
         rows, base = (self.rows[0].copy(), self.rows[1].copy()), self.rows[2]
         count, made = base, len(chosen)
         sites = np.zeros((MOST_APART, 5), dtype=np.int64), np.zeros(MOST_APART)
-        for k, way in enumerate(chosen):
-            sites[0][k], sites[1][k] = way
+        for k, feature in enumerate(chosen):
+            sites[0][k], sites[1][k] = feature
         pair, slack = np.array((-1, -1) if closing is None else closing), 0.1 * DEFAULT.cut * self.task.unit
         z, duals = start.copy(), np.zeros(ROOM)
         for turn in range(ROUNDS):
@@ -140,14 +140,14 @@ class Descent:
             went, count, made = compiled.grow(self.scene, rows, base, count, sites, made, pair, z, slack, duals, begins)
             if went == compiled.FOUND:
                 sited = zip(sites[0][:made].tolist(), sites[1][:made].tolist(), strict=True)
-                ways = [Way(tuple(site), orientation) for site, orientation in sited]
-                return self._settled(z, rows[0][:count], rows[1][:count, compiled.ORIENTATION], duals, ways, closing)
+                held = [Separator(tuple(site), orientation) for site, orientation in sited]
+                return self._settled(z, rows[0][:count], rows[1][:count, compiled.ORIENTATION], duals, held, closing)
             if went != compiled.GOES_ON:
                 return None
         return None
 
     def _settled(
-        self, z: Array, ints: Ints, orientations: Array, duals: Array, ways: list[Way], closing: Parts | None
+        self, z: Array, ints: Ints, orientations: Array, duals: Array, held: list[Separator], closing: Parts | None
     ) -> Settled:
         kept = {feature.parts for feature in self.task.tracked} | ({closing} if closing is not None else set())
         rows = zip(ints, orientations, duals, strict=False)
@@ -156,9 +156,9 @@ class Descent:
         sited = ints[(kinds == compiled.ROW_SEPARATION) | (kinds == compiled.ROW_GAP), compiled.KIND : compiled.P2 + 1]
         behind = ints[kinds == compiled.ROW_DEPTH, compiled.KIND : compiled.V + 1]
         features = {*map(tuple, sited.tolist()), *map(tuple, behind.tolist())}
-        kept |= {way.parts for way in ways} | {(one, two) for *_, one, two in sited.tolist()}
+        kept |= {feature.parts for feature in held} | {(one, two) for *_, one, two in sited.tolist()}
         count = int((kinds != compiled.ROW_BOUND).sum())
-        return Settled(z, float(np.linalg.norm(z)), active, ways, count, len(features) + len(self.task.tracked), kept)
+        return Settled(z, float(np.linalg.norm(z)), active, held, count, len(features) + len(self.task.tracked), kept)
 
     def _named(self, row: Ints, orientation: float) -> str:
         task, kind, parts = self.task, row[compiled.TYPE], (int(row[compiled.P1]), int(row[compiled.P2]))
@@ -180,28 +180,28 @@ class Descent:
     def starts(self) -> Array:
         """The allowed motion nearest to rest, and starts along each parameter, (1 + 2 k, k)."""
         turns = np.minimum(START_DISTANCE, 1.0 / self.scale)
-        reach = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
+        steps = np.diag(np.where(self.task.motion.turning, turns, START_DISTANCE))
         first = self.task.start / self.scale
         low, high = self.task.limits.T / self.scale
-        return np.clip(first + np.vstack([np.zeros((1, len(reach))), reach, -reach]), low, high)
+        return np.clip(first + np.vstack([np.zeros((1, len(steps))), steps, -steps]), low, high)
 
-    def ways(self, z: Array, parts: Parts) -> list[tuple[float, Way]]:
+    def separating_features(self, z: Array, parts: Parts) -> list[tuple[float, Separator]]:
         """Return (amount to first order, site) of the ways in which a part pair can come apart."""
-        sites, orientations, normals, gaps, steep = compiled.ways(self.scene, z, *parts)
+        sites, orientations, normals, gaps, steep = compiled.separating_features(self.scene, z, *parts)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             amounts = np.nan_to_num((self.task.need - gaps) / steep, nan=np.inf)
         order = np.argsort(amounts, kind="stable")
         kept = order[distinct(normals[order], CHOICES)].tolist()
-        own = [Way((*sites[k].tolist(), *parts), float(orientations[k])) for k in kept]
+        own = [Separator((*sites[k].tolist(), *parts), float(orientations[k])) for k in kept]
         return list(zip(amounts[kept].tolist(), own, strict=True))
 
-    def _combined(self, low: dict[Parts, list[tuple[float, Way]]]) -> Iterator[tuple[float, list[Way]]]:
+    def _combined(self, low: dict[Parts, list[tuple[float, Separator]]]) -> Iterator[tuple[float, list[Separator]]]:
         """Yield (promise, sites) of the choices of one way for each pair: the first of all, or one other."""
         first = [options[0] for options in low.values()]
         tries = [first]
         for place, options in enumerate(low.values()):
             tries += [[*first[:place], option, *first[place + 1 :]] for option in options[1:]]
-        made = [(max((amount for amount, _ in own), default=0.0), [way for _, way in own]) for own in tries]
+        made = [(max((amount for amount, _ in own), default=0.0), [feature for _, feature in own]) for own in tries]
         yield from sorted(made, key=lambda own: own[0])
 
     def least_free(self) -> Settled | None:
@@ -209,7 +209,7 @@ class Descent:
         task, starts = self.task, self.starts
         gaps = task.pair_gaps(task.start)
         order = sorted(np.ndindex(gaps.shape), key=lambda parts: float(gaps[parts]))
-        low = {parts: self.ways(starts[0], parts) for parts in order if gaps[parts] < task.need}
+        low = {parts: self.separating_features(starts[0], parts) for parts in order if gaps[parts] < task.need}
         if len(low) > MOST_APART // 2:
             return None
         best: Settled | None = None
@@ -266,4 +266,4 @@ def _along_facets(task: Task, q: Array) -> bool:
     gaps = task.pair_gaps(q)
     slack = DEFAULT.requirement * task.size
     tight = [(i, j) for i, j in np.ndindex(gaps.shape) if gaps[i, j] < task.need + slack]
-    return bool((task.pair_gaps(q, {parts: task.way_between(parts, q) for parts in tight}) - gaps <= slack).all())
+    return bool((task.pair_gaps(q, {parts: task.direction_between(parts, q) for parts in tight}) - gaps <= slack).all())

@@ -35,7 +35,7 @@ GOLDEN = (3.0 - math.sqrt(5.0)) / 2.0
 HOPELESS, PATIENCE = 4.0, 3  # times what two directions differ by, that both miss: so often in a row
 FINE = 1e-14  # radians: of the direction
 WITHIN = 0.5  # of the slack of faults: what is found is to be coherent to whoever computes it otherwise
-BESIDE = 1e-4  # radians: where it is asked what ends the window, which stops short of parallel lines
+BEFORE_END = 1e-4  # radians: where it is asked what ends the window, which stops short of parallel lines
 
 
 def suits(task: Task) -> bool:
@@ -97,7 +97,7 @@ def _least(task: Task) -> tuple[Array, tuple[Array, ...]] | None:
     def motion(angle: float) -> Array:
         return best * np.array([math.cos(angle), math.sin(angle)]) * own.scale
 
-    return np.clip(motion(at), *task.limits.T), (motion(at - BESIDE), motion(at + BESIDE))
+    return np.clip(motion(at), *task.limits.T), (motion(at - BEFORE_END), motion(at + BEFORE_END))
 
 
 def _narrowed(objectives_of: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:

@@ -64,7 +64,7 @@ class ForbiddenShifts:
 
     def _missed(self, parts: Parts, q: Array) -> tuple[Array, float]:
         """Return the direction between two parts after a motion, (3,), and by how much they are too near."""
-        normal = self.task.way_between(parts, q)
+        normal = self.task.direction_between(parts, q)
         gap = self.task.pair_gaps(q, {parts: normal})[parts]
         return normal / np.linalg.norm(normal), float(self.task.needs[parts[1]] - gap)
 

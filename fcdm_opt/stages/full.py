@@ -101,8 +101,8 @@ def _everything(task: Task, closing: Parts | None) -> tuple[list[Row], Array]:
 
 def _level(task: Task, one: ConvexPart, normal: Array, scale: float) -> Array:
     """Return the plane that touches a part at a scale, without motion: its normal, and its level in units."""
-    reach = scale * float(((one.vertices - one.seed) @ normal).max())
-    return np.append(normal, (reach - normal @ (task.static.seed - task.movable.seed)) / task.unit)
+    support = scale * float(((one.vertices - one.seed) @ normal).max())
+    return np.append(normal, (support - normal @ (task.static.seed - task.movable.seed)) / task.unit)
 
 
 def _real(task: Task, feature: FeaturePoints, s: float) -> Iterator[Row]:

@@ -22,7 +22,7 @@ from fcdm_opt.proof.least_distance import nearer_than
 from fcdm_opt.stages.best_first import Choices, nearest_on
 from fcdm_opt.stages.contact_system import UNSEATED, System, among_others
 from fcdm_opt.stages.forbidden_shifts import placed
-from fcdm_opt.stages.rays import ON_THE_WAY, meeting, steady_way
+from fcdm_opt.stages.rays import NEAREST_CONTACT, meeting, steady_motion
 from fcdm_opt.tolerances import DEFAULT
 
 LINES = "1: contact lines linear in the motion"
@@ -66,8 +66,8 @@ def shift(task: Task) -> Answer | None:
         return _on_lines(task, q)
     if np.linalg.matrix_rank(rates[:, moving], DEFAULT.nominal) < moving.sum():
         return among_others(task)
-    left = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
-    return Answer(Status.LEFT_COHERENT_RANGE if left else Status.INFEASIBLE, None, LINES, np.inf)
+    outside = task.coherent and replace(task, coherent=False).meets(q, DEFAULT.requirement)
+    return Answer(Status.LEFT_COHERENT_RANGE if outside else Status.INFEASIBLE, None, LINES, np.inf)
 
 
 def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
@@ -77,8 +77,8 @@ def _beyond(task: Task, rates: Array, gaps: Array) -> Answer | None:
     if not np.isfinite(met).all():
         return None
     # how the scale pair at which they meet follows the lines' gaps: in proportion
-    ways = task.size * task.signs[:, None] * np.linalg.pinv(np.array([line.line[:2] for line in tracked]))
-    own, normals, levels = System(task, ()), -ways @ rates, -ways @ gaps
+    inverse = task.size * task.signs[:, None] * np.linalg.pinv(np.array([line.line[:2] for line in tracked]))
+    own, normals, levels = System(task, ()), -inverse @ rates, -inverse @ gaps
 
     def least(slack: float) -> tuple[Array | None, bool]:
         rows = own.limits().and_also(normals, levels - slack)
@@ -129,19 +129,19 @@ def straight(task: Task) -> Answer | None:
     """
     if task.tracked or len(task.weights) != 1 or not task.motion.shifts:
         return None
-    slack, along = DEFAULT.line * task.size, task.motion.ways(task.movable.seed, task.static.seed)[0]
-    pairs = meeting(task, steady_way(task, np.ones(1)))
+    slack, along = DEFAULT.line * task.size, task.motion.shift_vectors(task.movable.seed, task.static.seed)[0]
+    pairs = meeting(task, steady_motion(task, np.ones(1)))
     needs, others = task.needs[pairs[:, 1]], pairs[:, 1] >= len(task.static.parts)
-    low, high, beside, features = task.spans(pairs, along).T
-    met = (beside <= slack) & (low <= high + slack)
+    low, high, apart, features = task.spans(pairs, along).T
+    met = (apart <= slack) & (low <= high + slack)
     normals = dict[int, Array]()  # before and beyond what a clearance blocks
     for k in np.flatnonzero(met & (needs > 0.0)).tolist():
         pacing.check()
         normals[k], (i, j) = np.zeros((2, 3)), pairs[k].tolist()
         low[k], high[k], distance = nearer_than(needs[k], *placed(task, (i, j)), along, low[k], high[k], normals[k])
-        beside[k] = max(beside[k], distance - needs[k])
+        apart[k] = max(apart[k], distance - needs[k])
     met &= low <= high + slack
-    blocked = np.flatnonzero(met & (beside < -slack) & (low < high - slack))
+    blocked = np.flatnonzero(met & (apart < -slack) & (low < high - slack))
     places = np.clip([0.0, *low[met], *high[met]], *task.limits[0])
     if task.must_touch:
         own = met & ~others
@@ -157,18 +157,18 @@ def straight(task: Task) -> Answer | None:
     least = float(min([allowed[0], *opposite[:1]]))  # of two as long, one either way, rounding would choose either
     stops = others & met & (np.minimum(np.abs(low - least), np.abs(high - least)) <= slack)
     for place in places[: free[0]].tolist() if others.any() else ():
-        in_the_way = blocked[(lows < place) & (place < highs)]
-        stops[in_the_way] |= others[in_the_way].all()
+        obstructing = blocked[(lows < place) & (place < highs)]
+        stops[obstructing] |= others[obstructing].all()
     q = np.array([least])
     sides = {k: int(2.0 * least > low[k] + high[k]) for k in blocked.tolist() if k in normals}
-    ways = {tuple(pairs[k].tolist()): normals[k][side] for k, side in sides.items()}
-    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, ways):
+    directions = {tuple(pairs[k].tolist()): normals[k][side] for k, side in sides.items()}
+    if task.needs.max() > 0 and not task.meets(q, DEFAULT.line, directions):
         return None
     names = tuple(dict.fromkeys(task.named(parts) for parts in map(tuple, pairs[stops].tolist())))
     near = met & (np.maximum(low, -high) <= abs(least) + slack)
     kept = [(i, j) for i, j in pairs[near].tolist()]
     counts = task.modelled(kept, variables=1, constraints=len(kept), features=int(features[near].sum()))
-    return task.answer(q, stage, np.inf, names or ON_THE_WAY, counts)
+    return task.answer(q, stage, np.inf, names or NEAREST_CONTACT, counts)
 
 
 def _within(places: Array, lows: Array, highs: Array, side: Literal["left", "right"]) -> Flags:

@@ -57,7 +57,7 @@ class Outcome(NamedTuple):
 def goal_rows(task: Task) -> list[Row]:
     """Return what the goals "beyond", "at" and "seat" ask of the tracked point, or of all contacts."""
     if task.goal == "seat" or task.joints:
-        return _seat_rows(task)
+        return _flush_rows(task)
     if len(task.tracked) == 1:
         return [Row(("on",), np.empty(0), 0.0, 0.0, "target on the moved segment")]
     # more equations than parameters: a band within rounding, as solvers refuse such programs
@@ -68,14 +68,14 @@ def goal_rows(task: Task) -> list[Row]:
     return [Row(("tracked", k), factors[k], lower, upper, f"rho_{k + 1} reaches its target") for k in range(2)]
 
 
-def _seat_rows(task: Task) -> list[Row]:
+def _flush_rows(task: Task) -> list[Row]:
     """Return what keeps flush contacts aligned and brings them to the target pair, without rows that depend on others.
 
     Rows that hold whatever the parameters do, and repeated ones, would make gradients dependent. Alignment along the
     whole way needs no tilt to first order, which is linear; at its end alone it is asked for as it is.
     """
     rates = tilts(task.seats, task.spins)
-    turns = [turn for seat in task.seats for turn in seat.turns]
+    turns = [turn for flush in task.seats for turn in flush.turns]
     scale = task.size / task.unit
     rows = [
         Row(("turned",), scale * rate, 0.0, 0.0, "flush contacts stay aligned")
@@ -89,9 +89,9 @@ def _seat_rows(task: Task) -> list[Row]:
     rows += [Row(("target", line.kind), own, 0.0, 0.0, name) for line, own in zip(lines, values, strict=True)]
     moving = (task.limits != 0).any(axis=1)
     # beside rest, where a turn may change nothing to first order, and without a tilt
-    beside = task.steps * moving / np.arange(1, len(moving) + 1)
-    beside -= np.linalg.lstsq(rates, rates @ beside, rcond=DEFAULT.nominal)[0] if len(rates) else 0.0
-    slopes = task.line_rates(beside, task.line_gaps(beside)[0]) / task.unit
+    step = task.steps * moving / np.arange(1, len(moving) + 1)
+    step -= np.linalg.lstsq(rates, rates @ step, rcond=DEFAULT.nominal)[0] if len(rates) else 0.0
+    slopes = task.line_rates(step, task.line_gaps(step)[0]) / task.unit
     return [rows[k] for k in independent(np.vstack([scale * rates, slopes]) * task.steps * moving)]
 
 

@@ -26,7 +26,7 @@ from fcdm_opt.tolerances import DEFAULT
 STEPS, FEWEST = 2000, 100  # safe steps along one ray, at most; where many rays are tried
 TRIED = 400_000  # steps of a part pair each along many rays, beyond which none takes more than the fewest
 TURNS = 2.0 * math.pi  # no motion needs to turn further, from rest or where limits let it begin
-ON_THE_WAY = ("the nearest contact on the way",)
+NEAREST_CONTACT = ("the nearest contact on the way",)
 WORK = 2e7  # pairs of edges looked at between two looks at the clock
 ACROSS = 16  # directions across a shift, in which part pairs that it leads past each other are told
 FEW = 16  # part pairs that are all looked at
@@ -50,17 +50,17 @@ def one_parameter(task: Task) -> Answer | None:
     if not steady and task.needs.max() > 0:
         return None
     stage = "2: one parameter, safe steps to the first contact"
-    ways = [sign / task.weights for sign in (1.0, -1.0)]
-    ends = [reach(task, way) for way in ways]
+    directions = [sign / task.weights for sign in (1.0, -1.0)]
+    ends = [range_end(task, direction) for direction in directions]
     # limits may exclude rest: then one way starts at the nearer limit, and the other ends before it begins
     starts = [max(0.0, task.weights[0] * x) for x in (task.limits[0, 0], -task.limits[0, 1])]
-    for sense, start, end in zip(ways, starts, ends, strict=True):
+    for sense, start, end in zip(directions, starts, ends, strict=True):
         if 0 < start <= end and task.meets(start * sense, DEFAULT.line):
             q = start * sense
             return task.answer(q, stage, start, ("a limit",), task.modelled_by_gaps(q))
     amount, nearer, clear = np.inf, 0, [0.0, 0.0]
-    for k in (0, 1) if not steady or leads_nearer(task, ways[0]) else (1, 0):
-        contact = first_contact(task, ways[k], min(ends[k], amount), starts[k])
+    for k in (0, 1) if not steady or leads_nearer(task, directions[0]) else (1, 0):
+        contact = first_contact(task, directions[k], min(ends[k], amount), starts[k])
         clear[k] = np.inf if contact.clear_to >= ends[k] else contact.clear_to
         amount, nearer = min((amount, nearer), (contact.amount, k))
     if not np.isfinite(amount):  # proved where both ways are clear to their ends
@@ -68,13 +68,13 @@ def one_parameter(task: Task) -> Answer | None:
             return None
         return Answer(Status.INFEASIBLE if min(clear) == np.inf else Status.NOT_FOUND, None, stage, min(clear))
     bound = max(min(clear), 0.0 if steady else task.displacement_bound)
-    q = amount * ways[nearer]
+    q = amount * directions[nearer]
     if steady and not task.meets(q, DEFAULT.requirement):
         return None
     near = task.pair_gaps(q) - task.needs <= DEFAULT.requirement * task.size
     others = [parts for parts in np.ndindex(near.shape) if near[parts] and task.obstacles[parts[1]].keep_out >= 0]
     stops = tuple(dict.fromkeys(map(task.named, others)))
-    return task.answer(q, stage, bound, stops or ON_THE_WAY, task.modelled_by_gaps(q))
+    return task.answer(q, stage, bound, stops or NEAREST_CONTACT, task.modelled_by_gaps(q))
 
 
 def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0, most: int = STEPS) -> FirstContact:
@@ -86,35 +86,35 @@ def first_contact(task: Task, direction: Array, limit: float, start: float = 0.0
     pacing.check()
     if not is_steady(task, direction):
         return _searched(task, direction, limit, start, most)
-    way, (movable, others, needs) = steady_way(task, direction), _solids(task)
-    pairs = meeting(task, way, start, limit)
-    floor, finest = (share * task.size / _speed(way, movable[0]) for share in (DEFAULT.march, DEFAULT.line))
+    motion, (movable, others, needs) = steady_motion(task, direction), _solids(task)
+    pairs = meeting(task, motion, start, limit)
+    floor, finest = (share * task.size / _speed(motion, movable[0]) for share in (DEFAULT.march, DEFAULT.line))
     until, now, state = np.full(len(pairs), -np.inf), np.full(6, -1.0), np.array([start, 0.0, 1.0, 0.0, 0.0])
     solids = movable, others, task.static.seed - task.movable.seed, needs, pairs, len(task.static.parts)
     steps = task.must_touch, limit, floor, finest, STEPS, DEFAULT.line, DEFAULT.line * task.size, WORK
-    while not steady.first(way, *solids, *steps, until, now, state):
+    while not steady.first(motion, *solids, *steps, until, now, state):
         pacing.check()
     return FirstContact(float(state[0]), float(state[1]))
 
 
-def meeting(task: Task, way: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
+def meeting(task: Task, motion: Array, start: float = -math.inf, end: float = math.inf) -> Ints:
     """Return which part pairs may come as near as they need on a stretch of a steady way, (k, 2).
 
     By the extents of what they sweep: along the way's line, and across it in several directions or, where body 1
-    turns, from the nearest to the farthest from the line. `way`: see `steady`. Few pairs are all returned: that they
+    turns, from the nearest to the farthest from the line. `motion`: see `steady`. Few pairs are all returned: that they
     stay apart takes no longer to see on the way.
     """
     asked = task.needs > -np.inf
     if task.part_pairs <= FEW:
         return np.ascontiguousarray(np.argwhere(np.repeat(asked[None], len(task.movable.parts), axis=0)))
-    n, centre, (turn, shift, _) = way
+    n, centre, (turn, shift, _) = motion
     first = np.cross(n, np.eye(3)[np.abs(n).argmin()])
     angles = np.arange(ACROSS) * np.pi / ACROSS
-    ways = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
-    ways = np.vstack([n, ways / np.linalg.norm(first)])
+    directions = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(n, first))
+    directions = np.vstack([n, directions / np.linalg.norm(first)])
     low, high = [], []
     for (points, _, _, places), seed in zip(_solids(task)[:2], (task.movable.seed, task.static.seed), strict=True):
-        heights, starts = ways @ (points + (seed - task.movable.seed - centre)).T, places[:-1, 0]
+        heights, starts = directions @ (points + (seed - task.movable.seed - centre)).T, places[:-1, 0]
         least, most = (extreme.reduceat(heights, starts, axis=1) for extreme in (np.minimum, np.maximum))
         if turn != 0.0:
             farthest = np.sqrt(np.maximum.reduceat(heights[1] ** 2 + heights[1 + ACROSS // 2] ** 2, starts))
@@ -181,10 +181,10 @@ def on_a_ray(task: Task, known: Answer | None) -> Answer | None:
     most = min(max(TRIED // (task.part_pairs * len(tried)), FEWEST), STEPS)
     for direction in tried:
         least = contact or known
-        limit = min(reach(task, direction), np.inf if least is None else least.amount)
+        limit = min(range_end(task, direction), np.inf if least is None else least.amount)
         amount = first_contact(task, direction, limit, most=most).amount
         if amount < limit and task.meets(q := amount * direction, DEFAULT.requirement):
-            contact = task.answer(q, active=ON_THE_WAY, modelled=task.modelled_by_gaps(q))
+            contact = task.answer(q, active=NEAREST_CONTACT, modelled=task.modelled_by_gaps(q))
     return contact
 
 
@@ -197,7 +197,7 @@ def is_steady(task: Task, direction: Array) -> bool:
     return all(own is not None for _, own in moving) or (len(moving) == 1 and moving[0][0].bounded)
 
 
-def steady_way(task: Task, direction: Array) -> Array:
+def steady_motion(task: Task, direction: Array) -> Array:
     """Return the line, a point on it about the moved seed, turn and shift per unit of amount, (3, 3)."""
     seed, rates = task.movable.seed, _rates(task)
     rate = (direction @ rates.reshape(len(rates), 16)).reshape(4, 4)
@@ -220,12 +220,12 @@ def _solids(task: Task) -> tuple[Any, Any, Array]:
     """Return body 1 at the scale made, the obstacles about s_2, and the gap that each needs."""
     movable = [_solid(part, float(task.target[0]), np.zeros(3)) for part in task.movable.parts]
     others = [_solid(own.part, own.scale, own.part.seed - task.static.seed) for own in task.obstacles]
-    return together(movable), together(others), np.array(task.needs)
+    return stacked(movable), stacked(others), np.array(task.needs)
 
 
-def _speed(way: Array, points: Array) -> float:
+def _speed(motion: Array, points: Array) -> float:
     """Return how fast the fastest of some points moves."""
-    axis, centre, (turn, shift, _) = way
+    axis, centre, (turn, shift, _) = motion
     arms = points - centre
     arms = arms - np.outer(arms @ axis, axis)
     return math.hypot(turn * math.sqrt((arms * arms).sum(axis=1).max()), shift)
@@ -250,7 +250,7 @@ def _solid(part: ConvexPart, scale: float, offset: Array) -> tuple[Array, Array,
     return points, faces, part.edges
 
 
-def together(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
+def stacked(tables: Sequence[tuple[Array | Ints, ...]]) -> tuple[Any, ...]:
     """Return the tables of several parts one after the other, and the first row of each in the first three."""
     places = np.cumsum([(0, 0, 0), *([len(table) for table in each[:3]] for each in tables)], axis=0)
     return (*(np.ascontiguousarray(np.concatenate(each)) for each in zip(*tables, strict=True)), places)
@@ -269,7 +269,7 @@ def _units(k: int, shares: tuple[float, ...]) -> Array:
     return frozen(rays / np.linalg.norm(rays, axis=1)[:, None])
 
 
-def reach(task: Task, direction: Array) -> float:
+def range_end(task: Task, direction: Array) -> float:
     """Return how far a ray (parameters per unit amount) runs: to a limit, a whole turn, or out of each other's way."""
     away, motion = _away(task), task.motion
     ends = [math.inf]
@@ -291,11 +291,11 @@ def reach(task: Task, direction: Array) -> float:
 def _away(task: Task) -> float:
     """Return how far a shift leads at most until the parts are out of each other's way."""
     seed = task.movable.seed
-    own = task.target[0] * max(_reach(part, seed) for part in task.movable.parts)
+    own = task.target[0] * max(_circumradius(part, seed) for part in task.movable.parts)
     others = [o for o in task.obstacles if o.keep_out < 0 or not task.must_touch]  # no contact beyond the partner
-    return float(own + max(max(o.need, 0.0) + _reach(o.part, seed, o.scale) for o in others))
+    return float(own + max(max(o.need, 0.0) + _circumradius(o.part, seed, o.scale) for o in others))
 
 
-def _reach(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
+def _circumradius(part: ConvexPart, point: Array, scale: float = 1.0) -> float:
     """Return the distance of a part's farthest vertex, at a scale, from a point."""
     return float(np.linalg.norm(part.seed + scale * (part.vertices - part.seed) - point, axis=1).max())

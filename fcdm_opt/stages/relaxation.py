@@ -93,7 +93,7 @@ class Relaxation:
     _planes: dict[Parts, Array] = field(default_factory=dict)
     _known: set[tuple[object, ...]] = field(default_factory=set)
     _features: set[tuple[object, ...]] = field(default_factory=set)
-    _on_the_way: set[Parts] = field(default_factory=set)
+    _met: set[Parts] = field(default_factory=set)
     _incoherent: bool = False
 
     def __post_init__(self) -> None:
@@ -143,7 +143,7 @@ class Relaxation:
         added = [self._forbid(*fault) for fault in faults]
         if np.isfinite(task.needs).any():
             short = task.needs - task.pair_gaps(q, normals)
-            for i, j in np.argwhere(task.beside_joints(short > DEFAULT.cut * task.unit)).tolist():
+            for i, j in np.argwhere(task.without_joints(short > DEFAULT.cut * task.unit)).tolist():
                 parts = i, j
                 if parts in normals:
                     own, other = self._heights(parts, q, normals[parts])  # foremost along what parts the pair
@@ -160,7 +160,7 @@ class Relaxation:
     def _modelled(self) -> dict[str, int]:
         task = self.task
         lines = (*task.tracked, *task.untracked)
-        kept = {*self._planes, *self._on_the_way, *(line.parts for line in lines)}
+        kept = {*self._planes, *self._met, *(line.parts for line in lines)}
         kept |= {self.closing} if self.closing is not None else set()
         largest = len(task.made_vertices) if task.amount_kind == "displacement" else 0
         return task.modelled(
@@ -182,7 +182,7 @@ class Relaxation:
         if not self._is_new(s, *fault.key):
             return False
         self._features.add(fault.key)
-        self._on_the_way.add(fault.parts)
+        self._met.add(fault.parts)
         task, rotation = self.task, pose[:9].reshape(3, 3)
         feature = feature_points(task.movable, task.static, fault.site, fault.parts, fault.normal, rotation)
         scale = feature.steepness(rotation)
@@ -201,11 +201,11 @@ class Relaxation:
         """Keep flush contacts that a motion opens at path position s: faces over one another, or else nothing turns."""
         # the last is more than is needed, where a turn opens them to second order only
         task, added = self.task, False
-        for seat in task.seats if s == 1.0 else ():
-            if seat.misfit(pose, task.target) <= DEFAULT.cut * task.size:
-                overlap, least = seat.overlap(pose, task.target), KEPT_SHARED * seat.least
+        for flush in task.seats if s == 1.0 else ():
+            if flush.misfit(pose, task.target) <= DEFAULT.cut * task.size:
+                overlap, least = flush.overlap(pose, task.target), KEPT_SHARED * flush.least
                 if overlap.depth < least and self._is_new("shared", *overlap.one, *overlap.two):
-                    values = np.concatenate([overlap.way / task.unit, overlap.one, overlap.two])
+                    values = np.concatenate([overlap.direction / task.unit, overlap.one, overlap.two])
                     name = "flush contacts stay on one another"
                     self._rows.append(Row(("over",), values, least / task.unit, INF, name))
                     added = True
@@ -280,7 +280,7 @@ def choices(task: Task, q: Array, *, near: bool = False) -> Iterator[Relaxation]
     everything = sorted(np.ndindex(gaps.shape), key=lambda parts: there[parts])
     apart = task.must_touch and (bool(task.tracked) or task.contact_gap(gaps) > 0)
     closes = apart or (task.must_touch and bool(task.keep_out))  # which may move the part away from a contact
-    short = task.beside_joints(gaps < task.needs) if asks else gaps < 0.0
+    short = task.without_joints(gaps < task.needs) if asks else gaps < 0.0
     low = {parts: _separating_directions(task, parts, q) for parts in everything if short[parts]}
     pairs = [parts for parts in everything if parts[1] < len(task.static.parts)]
     variants = [dict.fromkeys(low, 0)]

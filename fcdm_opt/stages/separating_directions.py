@@ -96,9 +96,9 @@ def _step(task: Task, y: Array, radius: float, centre: Array) -> Array | None:
         while True:
             for i, j in np.argwhere(waiting & (found < task.needs)).tolist():
                 waiting[i, j] = False
-                ways = scene.apart((i, j))
-                if ways is not None:
-                    apart.append(ways)
+                options = scene.apart((i, j))
+                if options is not None:
+                    apart.append(options)
             groups = [*apart, *taken.values()]
             best = search(Choices.of(groups, len(y)), sides, most=most).y if all(apart) else None
             if best is None:
@@ -156,14 +156,14 @@ class Linearised(NamedTuple):
 
     def apart(self, parts: Parts) -> list[Rows] | None:
         """Return a pair's ways apart as alternatives, none where it has none; None where nothing can join it."""
-        ways = self.ways(parts)
-        return None if ways is None else [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in ways]
+        found = self.separating(parts)
+        return None if found is None else [Rows(J, self.task.needs[parts[1]] - g + J @ self.y) for J, g in found]
 
     def joined(self, parts: Parts) -> list[Rows]:
         """Return what lets a pair touch, a row of each: of a direction, the vertices that may first meet its plane."""
         return [Rows(-J, g - J @ self.y) for J, g in self.directions(parts) if g.min() > -self.band]
 
-    def ways(self, parts: Parts) -> list[tuple[Array, Array]] | None:
+    def separating(self, parts: Parts) -> list[tuple[Array, Array]] | None:
         """Return (gradients, separations) of each direction that may part a pair; None where nothing can join it."""
         need = self.task.obstacles[parts[1]].need
         found = []
@@ -214,10 +214,10 @@ class Linearised(NamedTuple):
         some = (sites[:, 0] == E1E2) & (gaps >= need - self.band)
         if some.any():
             rates = task.gap_rates(parts, q, sites[some], lines[some, :3]) / task.weights
-            told = np.isfinite(rates).all(axis=1)
-            found += [(J[None], np.array([g])) for J, g in zip(rates[told], gaps[some][told], strict=True)]
+            known = np.isfinite(rates).all(axis=1)
+            found += [(J[None], np.array([g])) for J, g in zip(rates[known], gaps[some][known], strict=True)]
         if need > 0.0 and 0.0 < gaps.max() < need + self.band:  # corners: the distance is along no facet direction
-            n = task.way_between(parts, q)
+            n = task.direction_between(parts, q)
             if (length := float(np.linalg.norm(n))) > 0.0:
                 n = n / length
                 heights = (p @ n).min() - moved @ n

@@ -27,9 +27,9 @@ FAR = 1e300  # the excess of no pair at all: a finite one, as it is multiplied
 
 
 @kernel
-def _pose(way, amount, R, m):
+def _pose(motion, amount, R, m):
     """Set the rotation, row by row, and the displacement of the seed."""
-    u, c, angle = way[0], way[1], way[2, 0] * amount
+    u, c, angle = motion[0], motion[1], motion[2, 0] * amount
     # 2 sin^2 loses nothing at small angles
     s, v = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
     for i in range(3):
@@ -38,17 +38,17 @@ def _pose(way, amount, R, m):
         R[3 * i + j] = v * u[i] * u[j] - s * u[k]
         R[3 * i + k] = v * u[i] * u[k] + s * u[j]
     for i in range(3):
-        m[i] = c[i] + way[2, 1] * amount * u[i]
+        m[i] = c[i] + motion[2, 1] * amount * u[i]
         for j in range(3):
             m[i] -= R[3 * i + j] * c[j]
 
 
 @step
-def _velocity(way, x):
+def _velocity(motion, x):
     """Return the velocity of a point of body 1 at x, and its distance from the line."""
-    u = _at(way, 0)
-    across = _cross(u, _minus(x, _at(way, 1)))
-    return _plus(_times(way[2, 0], across), _times(way[2, 1], u)), _length(across)
+    u = _at(motion, 0)
+    across = _cross(u, _minus(x, _at(motion, 1)))
+    return _plus(_times(motion[2, 0], across), _times(motion[2, 1], u)), _length(across)
 
 
 @kernel
@@ -62,33 +62,33 @@ def _time(room, rate, bend):
 
 
 @kernel
-def _apart(way, R, m, d, n, need, one, two):
+def _apart(motion, R, m, d, n, need, one, two):
     """Return how long a direction keeps two polyhedra `need` apart."""
     least, time = np.inf, np.inf
     for v in range(len(two)):
         least = min(least, _dot(n, _at(two, v)))
-    leaning = _dot(n, _at(way, 0))
-    bend = way[2, 0] ** 2 * np.sqrt(max(1.0 - leaning * leaning, 0.0))
+    leaning = _dot(n, _at(motion, 0))
+    bend = motion[2, 0] ** 2 * np.sqrt(max(1.0 - leaning * leaning, 0.0))
     level = least + _dot(n, d) + _dot(n, m) - need
     for v in range(len(one)):
         x = _plus(_entry(m, 0), _turned(R, 0, _at(one, v)))
-        rate, radius = _velocity(way, x)
+        rate, radius = _velocity(motion, x)
         time = min(time, _time(level - _dot(n, x), _dot(n, rate), bend * radius))
     return time
 
 
 @kernel
-def _held(way, R, m, d, body, point, normals, levels, known):
+def _held(motion, R, m, d, body, point, normals, levels, known):
     """Return how long a point of a body, in its own axes, stays inside the other polyhedron; `known`: in vain."""
     shift = _plus(m, d)
     if body == 0:
         x = _plus(_turned(R, 0, point), m)
-        p, (rate, radius) = _minus(x, shift), _velocity(way, x)  # in the axes of the other body
+        p, (rate, radius) = _minus(x, shift), _velocity(motion, x)  # in the axes of the other body
     else:
-        rate, radius = _velocity(way, _plus(shift, point))
+        rate, radius = _velocity(motion, _plus(shift, point))
         p = _turned_back(R, 0, _plus(point, d))
         rate = _times(-1.0, _turned_back(R, 0, rate))  # body 1's axes turn away under it
-    bend, time = way[2, 0] ** 2 * radius, np.inf
+    bend, time = motion[2, 0] ** 2 * radius, np.inf
     for i in range(len(normals)):
         n = _at(normals, i)
         time = min(time, _time(levels[i] - _dot(n, p), _dot(n, rate), bend))
@@ -98,37 +98,37 @@ def _held(way, R, m, d, body, point, normals, levels, known):
 
 
 @kernel
-def _overlapping(way, R, m, d, depth, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
+def _overlapping(motion, R, m, d, depth, one, normals1, levels1, edges1, two, normals2, levels2, edges2):
     """Return how long two polyhedra overlap at least.
 
     By their depth and the speed of the fastest vertex; by a vertex of one inside the other, or a point of an edge.
     """
     fastest = 0.0
     for v in range(len(one)):
-        fastest = max(fastest, _length(_velocity(way, _plus(_entry(m, 0), _turned(R, 0, _at(one, v))))[0]))
+        fastest = max(fastest, _length(_velocity(motion, _plus(_entry(m, 0), _turned(R, 0, _at(one, v))))[0]))
     best = depth / fastest if fastest > 0.0 else np.inf
     p, u = np.empty(3), np.empty(3)
     for body in range(2):
         points, edges = (one, edges1) if body == 0 else (two, edges2)
         normals, levels = (normals2, levels2) if body == 0 else (normals1, levels1)
         for v in range(len(points)):
-            best = _held(way, R, m, d, body, _at(points, v), normals, levels, best)
+            best = _held(motion, R, m, d, body, _at(points, v), normals, levels, best)
         for e in range(len(edges)):
             ends = points[edges[e, 0]], points[edges[e, 1]]
             low, high = inside(R, d, body, ends, normals, levels, 0.0, p, u)
             if high > low:
                 start, end = _entry(ends[0], 0), _entry(ends[1], 0)
                 point = _plus(start, _times(0.5 * (low + high), _minus(end, start)))
-                best = _held(way, R, m, d, body, point, normals, levels, best)
+                best = _held(motion, R, m, d, body, point, normals, levels, best)
     return best
 
 
 @kernel
-def _near(way, R, m, d, x, y, need):
+def _near(motion, R, m, d, x, y, need):
     """Return how long a point of body 1, in its axes, and one of the other about s_2 stay nearer than `need`."""
     turned = _turned(R, 0, x)
-    rate, radius = _velocity(way, _plus(turned, m))
-    between, bend = _minus(_minus(turned, d), y), way[2, 0] ** 2 * radius
+    rate, radius = _velocity(motion, _plus(turned, m))
+    between, bend = _minus(_minus(turned, d), y), motion[2, 0] ** 2 * radius
     low, high, doubling = 0.0, need, True
     for _ in range(HALVINGS):
         t = high if doubling else 0.5 * (low + high)
@@ -140,7 +140,7 @@ def _near(way, R, m, d, x, y, need):
 
 
 @kernel
-def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, until, found):
+def _looked(motion, amount, ones, twos, offset, needs, pairs, partner, touch, timed, enough, until, found):
     """Set what holds at a pose of the part pairs: excess over the needed gap of partner's parts and others, and times.
 
     Pairs that are known to keep their gap until a later amount than this, by more than `enough`, are passed over;
@@ -150,16 +150,16 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
     With `touch` the partner's state is that of all pairs; without, the others count with it.
     """
     R, m, d = np.empty(9), np.empty(3), np.empty(3)
-    _pose(way, amount, R, m)
+    _pose(motion, amount, R, m)
     for j in range(3):
         d[j] = offset[j] - m[j]
     points1, faces1, edges1, places1 = ones
     points2, faces2, edges2, places2 = twos
     site, x, y = np.zeros(SITE), np.empty(3), np.empty(3)
     excess, others, short, others_short = FAR, FAR, 0.0, 0.0
-    before, alone = int(found[4]), partner == len(places2) - 1 or not touch
+    before, single = int(found[4]), partner == len(places2) - 1 or not touch
     found[4] = -1.0
-    for turn in range(-1 if timed and alone and before >= 0 else 0, len(pairs)):
+    for turn in range(-1 if timed and single and before >= 0 else 0, len(pairs)):
         code = before if turn < 0 else turn
         if until[code] > amount + enough:
             continue
@@ -187,17 +187,17 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
             continue
         if miss < 0.0:
             if gap > 0.0:
-                time = _near(way, R, m, d, x, y, need)
+                time = _near(motion, R, m, d, x, y, need)
             else:
-                time = _overlapping(way, R, m, d, -gap, one, normals1, levels1, own1, two, normals2, levels2, own2)
+                time = _overlapping(motion, R, m, d, -gap, one, normals1, levels1, own1, two, normals2, levels2, own2)
                 if gap > -need:  # coming apart, they stay near
                     set_nearest(R, d, one, two, x, y)
-                    time = max(time, _near(way, R, m, d, x, y, need))
+                    time = max(time, _near(motion, R, m, d, x, y, need))
             if ours:
                 short = max(short, time)
             else:
                 others_short = max(others_short, time)
-            if alone and time >= enough:
+            if single and time >= enough:
                 found[4] = code
                 break
         else:
@@ -207,7 +207,7 @@ def _looked(way, amount, ones, twos, offset, needs, pairs, partner, touch, timed
             if site[KIND] == E1E2:
                 n = _times(site[SIGN], _cross(n, _entry(site, SECOND)))
                 n = _times(1.0 / _length(n), n)
-            until[code] = amount + _apart(way, R, m, d, n, need, one, two)
+            until[code] = amount + _apart(motion, R, m, d, n, need, one, two)
     found[0], found[1], found[2], found[3] = excess, others, short, others_short
 
 
@@ -224,7 +224,7 @@ def _soonest(pairs, partner, until):
 @light
 @kernel
 def first(
-    way,
+    motion,
     ones,
     twos,
     offset,
@@ -255,7 +255,7 @@ def first(
     ahead, known = np.full(6, -1.0), until.copy()
     now[5] = 0.0
     if side == 0.0:
-        _looked(way, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, now)
+        _looked(motion, here, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, now)
         side = -1.0 if now[0] < 0.0 else 1.0
     for turn in range(int(state[4]), most):
         if now[5] > work:
@@ -276,7 +276,7 @@ def first(
         sure = sure and (end >= here + least or here + least >= limit)
         there, ahead[4], ahead[5] = min(max(end, here + least), limit), now[4], now[5]
         known[:] = until  # from there back it is known no better
-        _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
+        _looked(motion, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
         if forbidden and end >= here + least:  # all the way: contacts there do not count
             side = -1.0 if ahead[0] < 0.0 else 1.0
         elif ahead[0] * side <= 0.0 and ahead[0] * now[0] <= 0.0:
@@ -290,18 +290,18 @@ def first(
                     middle = 0.5 * (low + high)
                     if not low < middle < high:
                         break
-                _looked(way, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
+                _looked(motion, middle, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
                 if ahead[0] * side > 0.0:
                     low, below, above, kept = middle, ahead[0], (0.5 * above if kept == 1 else above), 1
                 else:
                     high, above, below, kept = middle, ahead[0], (0.5 * below if kept == 2 else below), 2
             there = high
-            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
+            _looked(motion, there, ones, twos, offset, needs, pairs, partner, touch, False, floor, known, ahead)
             if ahead[1] >= -slack:
                 state[0], state[1] = there, proved
                 return True
             until[:] = known
-            _looked(way, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
+            _looked(motion, there, ones, twos, offset, needs, pairs, partner, touch, True, floor, until, ahead)
             side = -side
         here = there
         now[:] = ahead

@@ -216,13 +216,13 @@ def _part(body, k):
 
 
 @kernel
-def _cannot_cross(part1, part2, turn, way, radius):
+def _cannot_cross(part1, part2, turn, site, radius):
     """Tell whether the arcs of two edges' normals have no direction in common anywhere in a cell.
 
     Arc 1 runs from A to B along E = A x B, arc 2 from C to D along F = C x D: they cross along E x F where D.E > 0 >
     C.E and A.F > 0 > B.F, along F x E where all four signs are the other ones. In the cell E, A, B turn by its radius.
     """
-    kind, i, j = way
+    kind, i, j = site
     sign = 1.0 if kind == EDGES else -1.0
     x, y, z = part1[2][i, 3], part1[2][i, 4], part1[2][i, 5]
     apart = _minus(_turned(turn, 0, (x, y, z)), (part2[2][j, 3], part2[2][j, 4], part2[2][j, 5]))
@@ -243,9 +243,9 @@ def _cannot_cross(part1, part2, turn, way, radius):
 
 
 @step
-def _direction(part1, part2, turn, way):
+def _direction(part1, part2, turn, site):
     """Return (sign, n, E, F): a direction at the centre, not of unit length, of edges sign E x F."""
-    kind, i, j = way
+    kind, i, j = site
     if kind == FACE_1:
         return 0.0, _turned(turn, 0, _at(part1[1], i)), NONE, NONE
     if kind == FACE_2:
@@ -286,9 +286,9 @@ def _size(kind, along, turn, metric, spectral, bent, radius):
 
 
 @kernel
-def exact_depth(part1, part2, turned1, turn, way, metric):
+def exact_depth(part1, part2, turned1, turn, site, metric):
     """Return (depth, n, |M' n|): how far to go back along a direction, over |M' n|; infinite for parallel edges."""
-    n = _direction(part1, part2, turn, way)[1]
+    n = _direction(part1, part2, turn, site)[1]
     if not _length(n) > PARALLEL:
         return _INF, n, 1.0
     size = _length(_turned_back(metric, 0, n))
@@ -301,14 +301,14 @@ def _fill(levels, slopes, k, level, g):
 
 
 @kernel
-def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, more, pad, radius, h, levels, slopes):
+def _direction_terms(part1, part2, turned1, turn, site, metric, spectral, bent, more, pad, radius, h, levels, slopes):
     """Fill linear lower bounds over a cell, the largest of which bounds depth / |M' n| + more; return their number.
 
     Each is of two vertices, one of them that which the direction's own feature has.
     """
-    kind, i, j = way
+    kind, i, j = site
     points2, half, count = part2[0], 0.5 * radius * radius, 0
-    along = _direction(part1, part2, turn, way)
+    along = _direction(part1, part2, turn, site)
     n, error = along[1], 0.0
     v, w = 0, 0
     if kind == FACE_1:
@@ -320,21 +320,21 @@ def _direction_terms(part1, part2, turned1, turn, way, metric, spectral, bent, m
     D, gD, eD = _size(kind, along, turn, metric, spectral, bent, radius)
     if not D + eD - _spread(gD, h) > PARALLEL * D:
         return 0
-    spare = pad * (1.0 + error / ROUNDING)
+    rounding = pad * (1.0 + error / ROUNDING)
     for k in range(len(turned1) + len(points2)):
         if (kind == FACE_1 and k < len(turned1)) or (kind == FACE_2 and k >= len(turned1)):
             continue
         x = _at(turned1, k if k < len(turned1) else v)
         p = _at(points2, w if k < len(turned1) else k - len(turned1))
         height, g, bent_by = _height(kind, along, turn, half, x, p)
-        value, g = _quotient(height - bent_by - spare, g, D, gD, eD, h)
+        value, g = _quotient(height - bent_by - rounding, g, D, gD, eD, h)
         _fill(levels, slopes, count, value + more, g)
         count += 1
     return count
 
 
 @kernel
-def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch):
+def _bound_along_arc(part1, part2, turned1, turn, site, metric, more, pad, radius, c, h, scratch):
     """Return a lower bound for two edges that may be parallel somewhere in a cell.
 
     Their direction lies on arc 2, so between some a and b that cut it into pieces: it is s a + t b with s, t >= 0, and
@@ -343,7 +343,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
     f.n >= -e of a unit n asks for s (f.a + e) + t (f.b + e) >= 0, as s + t >= 1.
     """
     levels, slopes, shares = scratch
-    _, i, j = way
+    _, i, j = site
     half = 0.5 * radius * radius
     E, A, B = _turned(turn, 0, _at(part1[2], i)), part1[3][i, 1], part1[3][i, 2]
     error = radius + ROUNDING + part1[1][A, 3] + part1[1][B, 3]
@@ -360,7 +360,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
             first = _plus(first, _times(f / (f - g), _minus(last, first)))
         elif g < 0.0:
             last = _plus(last, _times(g / (g - f), _minus(first, last)))
-    spare = pad * (1.0 + (part2[1][C, 3] + part2[1][D, 3]) / ROUNDING)
+    rounding = pad * (1.0 + (part2[1][C, 3] + part2[1][D, 3]) / ROUNDING)
     p, best = _at(part2[0], part2[3][j, 0]), _INF
     for piece in range(PIECES):
         a = _plus(first, _times(piece / PIECES, _minus(last, first)))
@@ -374,7 +374,7 @@ def _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius
                 v, ahead = k, value
         x = _at(turned1, v)
         for n, over in ((a, over_a), (b, over_b)):
-            value = _dot(n, _minus(x, p)) - half * _length(x) - spare
+            value = _dot(n, _minus(x, p)) - half * _length(x) - rounding
             _fill(levels, slopes, 0, value * over + more, _times(over, _turned(turn, 9, _cross(x, n))))
             best = min(best, least(levels, slopes, 1, c, h, shares)[0])
     return best
@@ -411,7 +411,7 @@ def _gap_bound(part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, 
         D, gD, eD = _size(kind, along, turn, metric, spectral, bent, radius)
         if not D + eD - _spread(gD, h) > PARALLEL * D:
             continue
-        bound, at, spare = _INF, c, pad * _length(along[1])
+        bound, at, rounding = _INF, c, pad * _length(along[1])
         for k in range(len(turned1)):
             if kind == FACE_1 and k != far:
                 continue
@@ -419,7 +419,7 @@ def _gap_bound(part2, turned1, turn, x, pairs, metric, inverse, spectral, bent, 
                 if kind == FACE_2 and other != near:
                     continue
                 height, g, bent_by = _height(kind, along, turn, half, _at(turned1, k), _at(points2, other))
-                value, g = _quotient(-height - bent_by - spare, _times(-1.0, g), D, gD, eD, h)
+                value, g = _quotient(-height - bent_by - rounding, _times(-1.0, g), D, gD, eD, h)
                 if _unlike(value, g, c, h, bound):
                     continue
                 _fill(levels, slopes, 0, value, g)
@@ -482,9 +482,9 @@ def least_gap(one, two, pairs, turn, inverse):
         if pairs[k, 0] != last:
             last = pairs[k, 0]
             scaled1 = _mapped(_mapped(_part(one, last)[0], turn), inverse)
-        way, _, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
-        if _length(way) < best:
-            best, x = _length(way), way
+        site, _, _ = nearest_points(scaled1, _mapped(_part(two, pairs[k, 1])[0], inverse))
+        if _length(site) < best:
+            best, x = _length(site), site
     return x
 
 
@@ -508,29 +508,29 @@ def _try_gap(one, two, pairs, kind, eta, inverse, best):
 
 
 @kernel
-def _try_depth(part1, part2, way, kind, eta, metric, more, best):
+def _try_depth(part1, part2, site, kind, eta, metric, more, best):
     """Try the motion that goes back along a direction at some angles."""
     turn = np.empty(18)
     set_turn(kind, eta, turn)
-    depth, n, size = exact_depth(part1, part2, _mapped(part1[0], turn), turn, way, metric)
+    depth, n, size = exact_depth(part1, part2, _mapped(part1[0], turn), turn, site, metric)
     if depth + more < _INF:
         _keep(best, eta, _times(-max(depth + more, 0.0) / size, _turned_back(metric, 0, n)))
 
 
 @kernel
-def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, best, gap):
+def advance(one, two, apart, kind, space, numbers, touching, nodes, ranges, pool, best, gap):
     """Look at every cell of a generation; return the halves of those left, (bound, c, h), and their directions.
 
     `touching` are pairs of which one must touch, all of them apart at rest; `apart` are pairs each of which must be
-    kept apart, now overlapping or too near. `ways` is the first and the end in `pool` of a cell's directions: those in
+    kept apart, now overlapping or too near. `ranges`, first and end in `pool`, are of a cell's directions: those in
     which a pair may come apart at an amount below the best. `best` is that amount with angles and translations.
     """
     metric, inverse = space
-    bent, spectral, more, pad, reach, plain = numbers
+    bent, spectral, more, pad, extent, plain = numbers
     many = len(one[0]) + len(two[0])
     scratch, turn = (np.empty(many), np.empty((many, 3)), np.empty(many)), np.empty(18)
     levels, slopes, shares = scratch
-    left, left_ways, count = np.empty((2 * len(nodes), 7)), np.empty((2 * len(nodes), 2), np.int64), 0
+    remaining, remaining_ranges, count = np.empty((2 * len(nodes), 7)), np.empty((2 * len(nodes), 2), np.int64), 0
     made, used = np.empty((max(len(pool), 64), 4), np.int64), 0
     for item in range(len(nodes)):
         cut = (1.0 - gap) * best[0]
@@ -567,7 +567,7 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, 
                     _try_gap(one, two, touching, kind, eta, inverse, best)
                     cut = (1.0 - gap) * best[0]
         # each of these pairs must come apart
-        first, entry, end = used, ways[item, 0], ways[item, 1]
+        first, entry, end = used, ranges[item, 0], ranges[item, 1]
         crowded = end - entry > FEW * len(apart)
         for k in range(len(apart)):
             if bound >= cut:
@@ -576,37 +576,37 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, 
             turned1 = _mapped(part1[0], turn)
             lowest, place, leave, shallow, out = _INF, c, (FACE_1, 0, 0), _INF, (FACE_1, 0, 0)
             while entry < end:
-                way = pool[entry, 1], pool[entry, 2], pool[entry, 3]
+                site = pool[entry, 1], pool[entry, 2], pool[entry, 3]
                 if pool[entry, 0] != k:
                     break
                 entry += 1
                 if used == len(made):
                     made = np.concatenate((made, np.empty((used, 4), np.int64)))
                 made[used] = pool[entry - 1]
-                if way[0] >= EDGES and _cannot_cross(part1, part2, turn, way, radius):
+                if site[0] >= EDGES and _cannot_cross(part1, part2, turn, site, radius):
                     continue
-                depth, _, _ = exact_depth(part1, part2, turned1, turn, way, metric)
+                depth, _, _ = exact_depth(part1, part2, turned1, turn, site, metric)
                 if depth < shallow:
-                    shallow, out = depth, way
+                    shallow, out = depth, site
                 # no bound would leave it out, or hardly one: later, in halves
-                if crowded and max(depth + more - HOPE * radius * reach, 0.0) ** 2 + base * base < cut * cut:
+                if crowded and max(depth + more - HOPE * radius * extent, 0.0) ** 2 + base * base < cut * cut:
                     used += 1
                     if lowest > base:
-                        lowest, place, leave = base, c, way
+                        lowest, place, leave = base, c, site
                     continue
                 terms = _direction_terms(
-                    part1, part2, turned1, turn, way, metric, spectral, bent, more, pad, radius, h, levels, slopes
+                    part1, part2, turned1, turn, site, metric, spectral, bent, more, pad, radius, h, levels, slopes
                 )
                 found, where = least(levels, slopes, terms, c, h, shares)
-                if way[0] >= EDGES and found < cut:
-                    arc = _bound_along_arc(part1, part2, turned1, turn, way, metric, more, pad, radius, c, h, scratch)
+                if site[0] >= EDGES and found < cut:
+                    arc = _bound_along_arc(part1, part2, turned1, turn, site, metric, more, pad, radius, c, h, scratch)
                     found = max(found, arc)
                 if found < cut:
                     used += 1
                 if found < lowest:
-                    lowest, place, leave = found, where, way
-            if more > 0.0 and shallow < radius * reach:
-                lowest = min(lowest, _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch))
+                    lowest, place, leave = found, where, site
+            if more > 0.0 and shallow < radius * extent:
+                lowest = min(lowest, _near_bound(part2, turned1, turn, inverse, more, radius, extent, c, h, scratch))
             bound = max(bound, lowest)
             if plain:
                 if shallow < _INF and (more == 0.0 or shallow > 0.0):
@@ -623,18 +623,18 @@ def advance(one, two, apart, kind, space, numbers, touching, nodes, ways, pool, 
             if h[k] / kind[3][k] > h[axis] / kind[3][axis]:
                 axis = k
         for side in (-0.5, 0.5):
-            left[count, 0] = bound
+            remaining[count, 0] = bound
             for k in range(3):
-                left[count, 1 + k], left[count, 4 + k] = c[k], h[k]
-            left[count, 1 + axis] += side * h[axis]
-            left[count, 4 + axis] *= 0.5
-            left_ways[count, 0], left_ways[count, 1] = first, used
+                remaining[count, 1 + k], remaining[count, 4 + k] = c[k], h[k]
+            remaining[count, 1 + axis] += side * h[axis]
+            remaining[count, 4 + axis] *= 0.5
+            remaining_ranges[count, 0], remaining_ranges[count, 1] = first, used
             count += 1
-    return left[:count], left_ways[:count], made[:used]
+    return remaining[:count], remaining_ranges[:count], made[:used]
 
 
 @kernel
-def _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratch):
+def _near_bound(part2, turned1, turn, inverse, more, radius, extent, c, h, scratch):
     """Return a lower bound over a cell for parts that are apart, but by less than they must be.
 
     Two points of them are at most |a + b| apart, a their way at the centre and b what turning adds: see `_stretch`.
@@ -642,13 +642,13 @@ def _near_bound(part2, turned1, turn, inverse, more, radius, reach, c, h, scratc
     levels, slopes, shares = scratch
     x, pairs, weights = nearest_points(_mapped(turned1, inverse), _mapped(part2[0], inverse))
     distance, g = _length(x), (0.0, 0.0, 0.0)
-    level = more - distance - radius * reach
+    level = more - distance - radius * extent
     if distance > 0.0:
         n = _turned_back(inverse, 0, _times(1.0 / distance, x))
         point = (0.0, 0.0, 0.0)
         for k in range(len(weights)):
             point = _plus(point, _times(weights[k], _at(turned1, pairs[k, 0])))
-        finer = more - distance - 0.5 * radius * radius * reach - (radius * reach) ** 2 / (2.0 * distance)
+        finer = more - distance - 0.5 * radius * radius * extent - (radius * extent) ** 2 / (2.0 * distance)
         if finer > level:
             level, g = finer, _turned(turn, 9, _cross(point, n))
     _fill(levels, slopes, 0, level, g)

@@ -98,23 +98,23 @@ class _TurnSearch:
         if not exact:  # the least way to a distance is along no face's normal: |y| is at least the length over the norm
             metric, even = spectral * np.eye(3), True
         self.metric, offset = metric, task.pose(task.rest)[9:]
-        self.one = rays.together([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
+        self.one = rays.stacked([_tables(part, float(task.target[0]), None) for part in task.movable.parts])
         others, seed = task.obstacles[: len(task.static.parts)], task.static.seed
-        self.two = rays.together([_tables(own.part, own.scale, offset + own.part.seed - seed) for own in others])
+        self.two = rays.stacked([_tables(own.part, own.scale, offset + own.part.seed - seed) for own in others])
         self.touching, self.apart = self._pairs()
         at_will = not np.isfinite(task.limits[translations]).any() and task.allows(task.rest)
-        alone = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
-        self.plain = exact and at_will and alone
+        single = not task.keep_out and (len(self.apart) == 0 or task.part_pairs == 1)
+        self.plain = exact and at_will and single
         self.weights = np.ones(3)
         self.weights[: len(rotations)] = task.weights[rotations]
-        reach = float(np.linalg.norm(self.one[0], axis=1).max())
-        size = reach + float(np.linalg.norm(self.two[0], axis=1).max())
+        circumradius = float(np.linalg.norm(self.one[0], axis=1).max())
+        size = circumradius + float(np.linalg.norm(self.two[0], axis=1).max())
         program = pose_instructions(task.motion)
         assert program is not None
         kind = program.scaled(1.0 / task.weights, task.movable.seed, task.static.seed), rotations, vector, self.weights
         space = metric.ravel(), np.linalg.inv(metric).ravel()
         pad = turned_cells.ROUNDING * size
-        numbers = (not even, spectral, task.need / spectral, pad, reach / spectral, self.plain)
+        numbers = (not even, spectral, task.need / spectral, pad, circumradius / spectral, self.plain)
         self._advance = partial(turned_cells.advance, self.one, self.two, self.apart, kind, space, numbers)
 
     def _pairs(self) -> tuple[Ints, Ints]:
@@ -133,21 +133,21 @@ class _TurnSearch:
             best[0] = task.amount(upper.q)
         if not len(self.touching) and not len(self.apart):
             return Bound(0.0, float(best[0]), None, bool(best[0] == 0))
-        pool = self._ways()
-        ways, cells = np.array([[0, len(pool)]]), 0
-        self._advance(self.touching, np.zeros((1, 7)), ways, pool, best, gap)  # a cell of no size: what it tries
+        pool = self._separating_features()
+        ranges, cells = np.array([[0, len(pool)]]), 0
+        self._advance(self.touching, np.zeros((1, 7)), ranges, pool, best, gap)  # a cell of no size: what it tries
         touching = self.near(float(best[0]))
         most = share * min(MOST_CELLS, WORK / max(1, len(touching) + len(self.apart)))
         nodes = self._root(float(best[0]))
         while len(nodes) and cells + len(nodes) <= most and not pacing.over():
             cells += len(nodes)
-            nodes, ways, pool = self._advance(touching, nodes, ways, pool, best, gap)
+            nodes, ranges, pool = self._advance(touching, nodes, ranges, pool, best, gap)
         q = self._motion(best)
         least = float(best[0]) if q is None else task.amount(q)
         lower = min(float(nodes[:, 0].min(initial=np.inf)), (1.0 - gap) * float(best[0]), least)
         return Bound(lower, least, q, not len(nodes))
 
-    def _ways(self) -> Ints:
+    def _separating_features(self) -> Ints:
         """Return every direction in which a pair may come apart, pair by pair, those of faces first: see `advance`."""
         made = [np.empty((0, 4), np.int64)]
         for k, (i, j) in enumerate(self.apart.tolist()):
@@ -188,11 +188,11 @@ class _TurnSearch:
         q[self.rotations] = best[1 : 1 + len(self.rotations)] / task.weights[self.rotations]
         if len(self.apart):
             _, rows, gaps = task.separations((0, 0), task.pose(q))
-            ways = rows[:, :3] @ self.metric
-            depths = (task.need - gaps) / np.linalg.norm(ways, axis=1)
+            normals = rows[:, :3] @ self.metric
+            depths = (task.need - gaps) / np.linalg.norm(normals, axis=1)
             k = int(depths.argmin())
             if gaps[k] <= 0:
-                y = -max(float(depths[k]), 0.0) / np.linalg.norm(ways[k]) * ways[k]
+                y = -max(float(depths[k]), 0.0) / np.linalg.norm(normals[k]) * normals[k]
         q[self.translations] = y / task.weights[self.translations]
         return q
 

@@ -566,7 +566,7 @@ def test_pairs_of_parts_that_turn_beside_each_other_were_looked_at_in_every_step
     plate = fo.cut(fo.Box((90, 40, 10), centre=(0, 0, 5)), hole, slot, name="plate")
     pins = fo.joined(*(fo.Cylinder(5, 12, base=(x, 0, -0.5), facets=16) for x in (-25, 25)), name="pins")
     asked = fo.Problem(plate, pins, motion=fo.Rotation("z", (-25, 0, 0)), target=(1, 1), goal="touch")
-    counts = {"bound": 0, "_ways": 0}
+    counts = {"bound": 0, "_separating_conditions": 0}
     for name, method in ((name, getattr(Others, name)) for name in counts):
 
         def counted(self: Others, *given: Any, name: str = name, method: Any = method) -> Any:
@@ -576,7 +576,7 @@ def test_pairs_of_parts_that_turn_beside_each_other_were_looked_at_in_every_step
         monkeypatch.setattr(Others, name, counted)
     times = fo.contact_times(asked, {"RZ": 1.0}, limit=0.1)
     assert [touch.x for touch in times.touches] == pytest.approx([-math.asin(4e-4), math.asin(4e-4)], abs=1e-12)
-    assert 0 < counts["_ways"] < 0.5 * len(plate.parts) * counts["bound"]
+    assert 0 < counts["_separating_conditions"] < 0.5 * len(plate.parts) * counts["bound"]
 
 
 def test_a_range_was_told_once_more_for_each_case_of_the_same(capsys: pytest.CaptureFixture[str]) -> None:

@@ -252,7 +252,7 @@ def test_where_a_face_vanishes_is_told_with_the_face() -> None:
     assert resized(body, {size: 0.9}).vertices[:, 2].max() == pytest.approx(1.9)
     with pytest.raises(fo.InputError, match=r"vanishes.*face top|face top.*vanishes"):
         resized(body, {size: 1.1})  # the sides meet at a height of 2
-    factor, where = Resizing.of(body, [size]).reach(np.array([-0.5]), np.array([0.5]))
+    factor, where = Resizing.of(body, [size]).valid_up_to(np.array([-0.5]), np.array([0.5]))
     assert factor == pytest.approx(2.0)
     assert "face top" in where
 
@@ -285,7 +285,7 @@ def test_a_part_that_ends_in_a_body_cut_anew_was_said_to_be_refused() -> None:
     size = fo.Size("journal", "movable", faces="cylinder radius 15", each=0.5, tolerance=(-1.0, 0.0))
     assert resized(shaft, {size: -1.0}).vertices[:, 2].min() == pytest.approx(-14.5, abs=0.02)
     stack = fo.stack_up(fo.Problem(shaft, hub, sizes=[size], goal="clear", motion=fo.Translation("x")))
-    assert Resizing.of(stack.touching.bodies[0], [size]).reach(np.array([-1.0]), np.zeros(1))[0] < 1.0
+    assert Resizing.of(stack.touching.bodies[0], [size]).valid_up_to(np.array([-1.0]), np.zeros(1))[0] < 1.0
     assert not [note for note in stack_notes(stack) if "vanishes" in note]
 
 

@@ -265,7 +265,7 @@ def test_cuts_that_end_elsewhere_do_not_end_the_sizes_of_a_stack_up() -> None:
     wide = [fo.Size(size.name, "static", faces=size.faces, each=size.each, tolerance=0.6) for size in sizes]
     plate = fit_for_sizes(body(solid([0.0] * 4)), tuple(wide))
     pin = fo.Body.convex(np.array(list(product((1.0, 2.4), (0.6, 1.4), (1.0, 6.0)))), name="pin")
-    assert Resizing.of(plate, wide).reach(np.full(4, -0.6), np.full(4, 0.6))[0] < 3.4
+    assert Resizing.of(plate, wide).valid_up_to(np.full(4, -0.6), np.full(4, 0.6))[0] < 3.4
     touching = TouchingSizes.of(pin, plate, wide)
     for p in np.random.default_rng(3).uniform(-0.6, 0.6, (2, 4)):
         made = resized(plate, dict(zip(wide, p.tolist(), strict=True)))

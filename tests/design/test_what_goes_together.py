@@ -16,7 +16,7 @@ from voxels import VOXELS, surface_of
 import fcdm_opt as fo
 from fcdm_opt.cli import app
 from fcdm_opt.errors import InputError
-from fcdm_opt.show.remarks import left_out
+from fcdm_opt.show.remarks import not_considered
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 X = fo.Translation("x")
@@ -141,15 +141,15 @@ def test_a_stack_up_passed_over_keep_outs() -> None:
 def test_what_was_left_out_of_a_problem_with_sizes_was_not_true_of_it() -> None:
     """It said that sizes change uniformly, and that one pair of them was solved."""
     size = fo.Size("width", "movable", faces="-x", tolerance=0.05)
-    told = " ".join(left_out(fo.solve(touching(target=None, sizes=[size], made={"width": 0.02}))))
+    told = " ".join(not_considered(fo.solve(touching(target=None, sizes=[size], made={"width": 0.02}))))
     assert "What can come out different is width: no other" in told
     assert "made width +0.02" in told
     assert "niformly" not in told
     assert "pair of sizes" not in told
-    scaled = " ".join(left_out(fo.solve(touching(sizes=[size], target=(1.01, 1.0)))))
+    scaled = " ".join(not_considered(fo.solve(touching(sizes=[size], target=(1.01, 1.0)))))
     assert "width, and either part uniformly about its seed" in scaled
-    assert "The parts are taken as drawn" in " ".join(left_out(fo.solve(touching())))
-    plain = " ".join(left_out(fo.solve(touching(target=(1.01, 1.0)))))
+    assert "The parts are taken as drawn" in " ".join(not_considered(fo.solve(touching())))
+    plain = " ".join(not_considered(fo.solve(touching(target=(1.01, 1.0)))))
     assert "larger or smaller by one factor, about its seed" in plain
 
 

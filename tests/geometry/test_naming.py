@@ -20,7 +20,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import all_recognised, round_surfaces
-from fcdm_opt.geometry.naming import names_of_faces, names_of_rows, round_faces, told_element
+from fcdm_opt.geometry.naming import element_text, names_of_faces, names_of_rows, round_faces
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut, joined
 from fcdm_opt.geometry.resizing import Resizing, _by_features, resized
@@ -77,7 +77,7 @@ def test_facets_around_a_point_are_a_sphere(axis: np.ndarray) -> None:
     assert set(names_of_faces(ball).values()) == {"sphere radius 4"}
     edge = tuple(sorted(ball.faces[0][:2]))
     for element in (Element("F", ball.faces[0]), Element("E", edge), Element("V", (7,))):
-        assert told_element(ball, element) == "sphere of radius 4"
+        assert element_text(ball, element) == "sphere of radius 4"
 
 
 def test_a_cone_is_no_sphere() -> None:
@@ -95,11 +95,11 @@ def test_what_is_told_of_a_contact_is_short_and_its_label_is_as_before() -> None
     lid, plate = Body.convex(prism(9.9, 24, (5.0, 9.0)), name="lid"), Body.convex(prism(30.0, 48), name="plate")
     curve = decision_curve(lid, plate, box=((0.9, 1.1), (0.9, 1.1)))
     features = {segment.feature for segment in curve.segments}
-    assert "F1F2(P1 bottom; P2 top)" in {feature.told(lid, plate) for feature in features}
+    assert "F1F2(P1 bottom; P2 top)" in {feature.described(lid, plate) for feature in features}
     assert all(Feature.from_label(feature.label) == feature for feature in features)
     side = next(face for face in lid.faces if len(face) == 4)
     corners = ",".join(f"V{v}" for v in side)
-    told = Feature.from_label(f"F1V2(P1{corners}; P2V3)").told(lid, plate)
+    told = Feature.from_label(f"F1V2(P1{corners}; P2V3)").described(lid, plate)
     assert told == f"F1V2(P1{corners} of cylinder radius 9.9; P2V3)"
 
 
@@ -110,7 +110,7 @@ def test_names_that_mean_one_feature_are_taken_as_labels_are() -> None:
     box = ((0.3, 3.0), (0.3, 3.0))
     first = decision_curve(lid, plate, box=box).switching_points[0]
     labels = [feature.label for feature in first.features]
-    names = [feature.told(lid, plate) for feature in first.features]
+    names = [feature.described(lid, plate) for feature in first.features]
     assert names[0] == "V1F2(P1V5; P2 top)" != labels[0]
 
     def tracked(given: list[str]) -> tuple[Feature, ...]:
@@ -167,7 +167,7 @@ def test_of_several_faces_in_one_plane_one_was_named_for_all() -> None:
     ]
     assert [names[row] for row in tips] == ["left no. 1", "left no. 2", "left no. 3"]
     assert len(set(names)) == len(names)
-    told = [told_element(comb, Element("F", tuple(sorted(comb.faces[row])))) for row in tips]
+    told = [element_text(comb, Element("F", tuple(sorted(comb.faces[row])))) for row in tips]
     assert told[1] == "left face no. 2 (facing -x)"
     for faces, meant in (("left", tips), ("left no. 2", tips[1:2]), (f"F{tips[2] + 1}", tips[2:])):
         assert np.flatnonzero(Size("tips", "movable", faces=faces).offsets(comb)).tolist() == meant
@@ -176,11 +176,11 @@ def test_of_several_faces_in_one_plane_one_was_named_for_all() -> None:
 def test_corners_of_bodies_with_many_were_told_by_numbers_that_nothing_lists() -> None:
     block = cut(Box((4.0, 2.0, 2.0)), Cylinder(0.5, 3.0, base=(1.0, 0.0, -1.5), facets=12))
     corner = next(k for k, point in enumerate(block.vertices, 1) if np.allclose(point, (-2.0, -1.0, 1.0)))
-    assert told_element(block, Element("V", (corner,))) == "corner at (-2, -1, 1)"
+    assert element_text(block, Element("V", (corner,))) == "corner at (-2, -1, 1)"
     exact = exact_at(block, [])
     assert exact is not None
     own = range(len(block.vertices) + 1, len(exact.vertices) + 1)
-    words = {told_element(exact, Element("V", (v,))) for v in own}
+    words = {element_text(exact, Element("V", (v,))) for v in own}
     assert words
     assert all(word.startswith(("corner at (", "edge between ")) or word == "bore of radius 0.5" for word in words)
 
@@ -194,8 +194,8 @@ def test_the_plane_face_of_a_piece_at_the_rim_of_a_bore_was_told_as_the_bore() -
     (piece,) = exact.exact.pieces
     own = [element for element in exact.parts[-1].elements["F"] if piece.first <= min(element.vertices)]
     level = [face for face in own if not exact.vertices[np.array(face.vertices) - 1, 2].any()]
-    assert [told_element(exact, face) for face in level] == ["top face (facing +z)"]
-    assert {told_element(exact, face) for face in own if face not in level} == {"bore of radius 4"}
+    assert [element_text(exact, face) for face in level] == ["top face (facing +z)"]
+    assert {element_text(exact, face) for face in own if face not in level} == {"bore of radius 4"}
 
 
 def test_a_part_cut_anew_for_its_sizes_lost_its_round_faces() -> None:

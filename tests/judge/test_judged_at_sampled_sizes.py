@@ -323,7 +323,7 @@ def test_parts_were_made_anew_for_each_contact():
     sizes += [fo.Size("wall", "static", faces="F9", tolerance=0.02)]
     problem = fo.Problem(key, slot, goal="touch", motion=fo.Translation("x"), sizes=sizes, made={})
     judge = fo.clearances(problem).claims()
-    judge = replace(judge, beside=[judge, judge])
+    judge = replace(judge, further=[judge, judge])
     resizing._resized.cache_clear()
     assert all(check.passed for check in judge.checks())
     assert resizing._resized.cache_info().misses <= 2 * 26

@@ -77,10 +77,10 @@ def test_conditions_are_the_same_numbers_in_floats_and_in_balls(name, tracked):
     pair = TrackedPair(lines, np.array([1.1, 0.9]), -1.0)
     kinds = [forms.ALONG, forms.ALONG_TURNED, forms.DETERMINANT, forms.SCALE_1, forms.SCALE_2]
     if tracked:
-        kinds += [forms.BESIDE, forms.BESIDE_TURNED, forms.NORMAL, forms.OWN, forms.OTHER, forms.STEEP]
+        kinds += [forms.ACROSS, forms.ACROSS_TURNED, forms.NORMAL, forms.OWN, forms.OTHER, forms.STEEP]
     some = [Conditions.of(kind, k, v=rng.normal(size=3), w=rng.normal(size=3), m=rng.normal(size=3), sign=-0.5)
             for kind in kinds for k in range(max(tracked, 1))
-            if kind not in (forms.BESIDE, forms.BESIDE_TURNED) or lines[k, 0] == forms.CROSSED]  # fmt: skip
+            if kind not in (forms.ACROSS, forms.ACROSS_TURNED) or lines[k, 0] == forms.CROSSED]  # fmt: skip
     some.append(Conditions.of(forms.ALONG, **dict(zip("vwm", rng.normal(size=(3, 3)), strict=True)), radii=(0.2, 0.3)))
     together = Conditions.joined(some)
     x, span = 0.37, 0.05

@@ -13,7 +13,7 @@ import fcdm_opt as fo
 from fcdm_opt.design.whatif import fitting
 from fcdm_opt.problem.solution import Status
 from fcdm_opt.show.assemblies import unsaid
-from fcdm_opt.show.remarks import left_out, remarks
+from fcdm_opt.show.remarks import not_considered, remarks
 from fcdm_opt.show.solved import SolvedCase
 from fcdm_opt.show.texts import advised
 from fcdm_opt.show.verdict import verdict_text
@@ -100,7 +100,7 @@ def test_a_distance_of_pins_that_no_motion_mends_was_answered_by_wider_limits() 
     facets = [text for text in remarks(solution) if "is of the facets" in text]
     assert len(facets) == 1
     assert f"overlapping by {-solution.pair_gap:.4g}" in facets[0]
-    (text,) = (text for text in left_out(solution) if text.startswith("The convex parts of base"))
+    (text,) = (text for text in not_considered(solution) if text.startswith("The convex parts of base"))
     assert "motion, amount and bound are of the true faces" in text
 
 

@@ -22,7 +22,7 @@ from fcdm_opt.problem.problem import Problem
 from fcdm_opt.show import solved as solved_module
 from fcdm_opt.show import texts
 from fcdm_opt.show.printing import printed
-from fcdm_opt.show.remarks import left_out
+from fcdm_opt.show.remarks import not_considered
 from fcdm_opt.show.report import gather as gathering
 from fcdm_opt.show.report.cases import (
     ANSWERED,
@@ -613,7 +613,7 @@ def test_what_was_left_out_is_true_of_the_problem():
     (plain,) = opened("boxes", "close the gap").problems
 
     def told(problem):
-        return " ".join(left_out(fo.solve(problem)))
+        return " ".join(not_considered(fo.solve(problem)))
 
     assert "No keep-out counts here" in told(plain)
     assert "stand for" not in told(plain)
@@ -640,7 +640,7 @@ def test_deviation_of_approximated_parts_is_told():
     rough = fo.Body.from_parts(
         plain.static.vertices, parts=[range(8)], seed=plain.static.seed, name="rough", deviation=(0.25, 0.125)
     )
-    told = left_out(fo.solve(plain.changed(static=rough)))
+    told = not_considered(fo.solve(plain.changed(static=rough)))
     (sentence,) = [text for text in told if "stand for" in text]
     assert sentence.startswith("The convex parts of rough stick out")
     assert "at most 0.25 and" in sentence

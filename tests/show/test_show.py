@@ -360,7 +360,7 @@ def test_what_is_said_above_a_scene_stays_on_its_page() -> None:
     shown = ShownBodies.of(one, two, view=(20.0, -70.0))
     plain = scene_pieces(shown).scene
     for count in (1, 20, 40, 57, 75, 200):
-        reason = replace(shown, said=" ".join(["impossible"] * (1 + count // 11)))
+        reason = replace(shown, banner=" ".join(["impossible"] * (1 + count // 11)))
         for figure in (scene_figure(reason), scene_pieces(reason).scene):
             check_texts(figure, least=3)
         (words,) = [text for text in figure.findobj(Text) if text.get_text().startswith("impossible")]
@@ -379,7 +379,7 @@ def test_a_motion_too_small_to_be_seen_is_drawn_larger_and_says_how_much() -> No
         before[0].vertices - shown.bodies[0].vertices, [[times * 0.001, 0.0, 0.0]] * 8, atol=1e-12
     )
     assert times > 10.0
-    figure = scene_figure(replace(shown, said="0.001 along -x"))
+    figure = scene_figure(replace(shown, banner="0.001 along -x"))
     words = [" ".join(text.split()) for text in texts(figure)]
     assert f"before the motion: the same part, drawn {times:g} times as far off" in words
     motion[0, 3] = -1.0
@@ -458,9 +458,9 @@ def test_of_two_contacts_the_cut_met_only_the_one_of_many_pieces() -> None:
     strips = [
         (np.array([(-1, y, 0), (1, y, 0), (1, y + 0.05, 0), (-1, y + 0.05, 0.0)]),) for y in np.arange(-1, 1, 0.05)
     ]
-    contacts = [Touching(own, np.eye(3)[2], number=1, told="foot") for own in strips]
+    contacts = [Touching(own, np.eye(3)[2], number=1, text="foot") for own in strips]
     line = np.array([(1.0, 0.5, 0.0), (1.0, 0.5, 1.0)])
-    contacts.append(Touching((line,), np.eye(3)[0], number=2, told="wall"))
+    contacts.append(Touching((line,), np.eye(3)[0], number=2, text="wall"))
     peg, block = bodies = peg_in_a_blind_hole()
     cut, share = Cut.through(contacts, bodies, page_directions(32.0, -55.0))
     assert cut is not None
@@ -482,7 +482,7 @@ def test_faces_of_bodies_exact_at_points_share_all_of_what_those_drawn_do() -> N
     across = [np.cross(own[1] - own[0], own[2] - own[0]) for each in contacts for own in each.pieces]
     area = 12 * np.sin(np.pi / 12) * (4**2 - 2**2)
     assert np.linalg.norm(across, axis=1).sum() / 2.0 == pytest.approx(area, rel=1e-6)
-    assert {each.told for each in contacts} == {""}  # it is the only one
+    assert {each.text for each in contacts} == {""}  # it is the only one
 
 
 def test_walls_between_the_parts_of_a_solid_were_drawn() -> None:
@@ -700,10 +700,10 @@ def test_a_refused_case_magnified_what_its_motion_would_cure() -> None:
     shown, (found,) = (drawn_scene(refused)[0][key] for key in ("shown", "contacts"))
     assert (shown.moves, found.kind, found.pair) == ((), "overlap", (0, 2))
     assert found.long == pytest.approx(0.01, abs=1e-9)
-    assert shown.said.endswith(": parts as made, moved to where all else is met")
+    assert shown.banner.endswith(": parts as made, moved to where all else is met")
     limited = fo.solve(fo.Problem(block, wall, sizes=thick, limits={"TX": (-0.02, 0.02)}, **asked))
     shown, (found,) = (drawn_scene(limited)[0][key] for key in ("shown", "contacts"))
-    assert (found.kind, shown.said.rpartition(", ")[2]) == ("overlap", "at the nearest pose found")
+    assert (found.kind, shown.banner.rpartition(", ")[2]) == ("overlap", "at the nearest pose found")
     assert found.long == pytest.approx(0.03, abs=1e-6)
     boxes = {"base": ((20, 20, 2), -1), "block": ((10, 10, 10), 5), "camera": ((6, 6, 4), 12.5)}
     parts = [fo.Box(edges, centre=(0, 0, z), name=name) for name, (edges, z) in boxes.items()]
@@ -836,7 +836,7 @@ def test_where_a_keep_out_decides_was_neither_drawn_nor_magnified() -> None:
     solution = fo.solve(asked)
     assert [*solution.parameters.values()] == pytest.approx([0.02, 0.08])
     drawn, _ = drawn_scene(solution)
-    assert {own.pair: (own.number, own.told) for own in drawn["contacts"]} == {
+    assert {own.pair: (own.number, own.text) for own in drawn["contacts"]} == {
         (0, 1): (1, "cube - slope"), (0, 2): (2, "cube - wall")
     }  # fmt: skip
     assert drawn["contacts"][-1].middle[0] == pytest.approx(1.02)
@@ -854,7 +854,7 @@ def test_contacts_of_a_picture_were_counted_otherwise_than_in_the_file() -> None
     solution = fo.solve(fo.Assembly([base, rail, clip], between, motions=motions, scales={"rail": 1.003}))
     assert solution.parameters["clip"]["TX"] == pytest.approx(0.06)
     _, met = parts_of(solution)
-    assert {own.number: own.told for own in met} == {1: "rail - base", 2: "clip - rail", 3: "clip - base"}
+    assert {own.number: own.text for own in met} == {1: "rail - base", 2: "clip - rail", 3: "clip - base"}
     pair = decision_curve(rail, base)  # the face lies in z = 0 at any scale
     (corners,) = pair.contact_sets((1.003, 1.0))
     np.testing.assert_allclose(np.ptp(corners, axis=0), [1.003 * 40.0, 20.0, 0.0], atol=1e-9)

@@ -21,7 +21,7 @@ from fcdm_opt import pacing
 from fcdm_opt.design.whatif import fitting
 from fcdm_opt.design.whatif.fitting import barred_text
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.problem import fit
 from fcdm_opt.show.assemblies import assembly_verdict, print_answers
 from fcdm_opt.show.printing import printed
@@ -34,7 +34,7 @@ from fcdm_opt.show.verdict import (
     answer_text,
     fit_text,
     labels_in_words,
-    motion_said,
+    motion_text,
     refusal_text,
     sure_text,
     verdict_text,
@@ -154,7 +154,7 @@ def test_shifts_in_a_row_are_told_together() -> None:
     values = dict(zip(names, (3.0, 4.0, math.pi / 2, 1.0), strict=True))
     moved = replace(fo.solve(problem), parameters=values)
     told = "3 mm along +y and 4 mm along +z, then {}90 deg about +x through its seed, then {}1 mm along +x"
-    assert motion_said(moved) == told.format("", "")
+    assert motion_text(moved) == told.format("", "")
     assert f"move one {told.format('turn it ', 'move it ')}" in verdict_text(moved)
 
 
@@ -177,12 +177,12 @@ def test_what_only_rounding_made_is_shown_as_0() -> None:
 
 def test_every_face_edge_and_corner_has_words() -> None:
     body = cube("block", 2.0)
-    words = {told_element(body, Element("F", face)) for face in body.faces}
+    words = {element_text(body, Element("F", face)) for face in body.faces}
     sides = [("left", "-x"), ("right", "+x"), ("front", "-y"), ("back", "+y"), ("bottom", "-z"), ("top", "+z")]
     assert words == {f"{name} face (facing {axis})" for name, axis in sides}
-    assert told_element(body, Element("V", (3,))) == "corner 3"
+    assert element_text(body, Element("V", (3,))) == "corner 3"
     edge = tuple(sorted(set(body.faces[0]) & set(body.faces[2])))  # corners that two faces share
-    assert told_element(body, Element("E", edge)).startswith("edge between ")
+    assert element_text(body, Element("E", edge)).startswith("edge between ")
 
 
 @pytest.mark.parametrize("off", [0.0, 0.5, -0.5])

@@ -145,7 +145,7 @@ def test_flags_of_arrays_and_known_numbers_make_no_versions() -> None:
 
 def test_little_work_is_not_compiled_and_answers_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     compiling._count_runs()
-    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    monkeypatch.setattr(compiling, "_allowance", [compiling.IN_ALL])
     pieces = np.array([[1.0, 0.5, 1.0], [-1.0, 0.25, -3.0]])
     asked = pieces, np.array([0.0, 1.0]), np.array([1.0, 0.0]), (1e-12, 1e-12, 1e-9, 1e-6)
     compiled = kernels.interval(*asked)
@@ -197,7 +197,7 @@ def test_plain_python_that_takes_longer_than_compiling_is_left(monkeypatch: pyte
     made = light(kernel(nested.py_func))
     made.keeps, made.patience = False, 1e-9
     assert (made(x, counts), counts[0], len(made.signatures)) == (3.0, 1.0, 1)
-    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    monkeypatch.setattr(compiling, "_allowance", [compiling.IN_ALL])
     made = light(kernel(nested.py_func))
     made.keeps = False
     compiling.eager()
@@ -218,7 +218,7 @@ def test_what_is_compiled_already_was_counted_and_run_as_plain_python_for_what_c
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compiling._count_runs()
-    monkeypatch.setattr(compiling, "_left", [compiling.IN_ALL])
+    monkeypatch.setattr(compiling, "_allowance", [compiling.IN_ALL])
     x, made = np.array([1.0, 2.0]), light(calling)
     assert doubled(x) == 2.0
     monkeypatch.setattr(doubled, "py_func", None)  # not run any more
@@ -292,7 +292,7 @@ def test_whoever_asked_again_and_again_never_got_compiled_code(tmp_path: Path) -
 from fcdm_opt import compiling
 compiling._kept_in(compiling.NOTE).write_text("{compiling.IN_RUNS / 2}\\n" * 2)
 compiling._count_runs()
-print(compiling._left[0])
+print(compiling._allowance[0])
 """
     done = subprocess.run(
         [sys.executable, "-c", program],

@@ -179,15 +179,15 @@ def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pacing, "clock", lambda: now[0])
     with pacing.within(10.0, share=1.0):
         with pacing.within(100.0, share=1.0):
-            assert pacing.left() == 10.0
+            assert pacing.remaining() == 10.0
         with pacing.sharing(0.25), pacing.judging():
-            assert pacing.left() == pytest.approx(2.5 * pacing.JUDGED)
+            assert pacing.remaining() == pytest.approx(2.5 * pacing.JUDGED)
         with pacing.within(1.0, share=1.0), pacing.judging():
-            assert pacing.left() == pytest.approx(pacing.JUDGED)
+            assert pacing.remaining() == pytest.approx(pacing.JUDGED)
         with pacing.within(100.0, share=1.0), pacing.judging():
-            assert pacing.left() == pytest.approx(10.0 * pacing.JUDGED)
+            assert pacing.remaining() == pytest.approx(10.0 * pacing.JUDGED)
         with pacing.sharing(0.25):
-            assert pacing.left() == 2.5
+            assert pacing.remaining() == 2.5
             now[0] = 2.5
             assert pacing.over()
         assert not pacing.over()
@@ -204,7 +204,7 @@ def test_limits_lie_within_one_another(monkeypatch: pytest.MonkeyPatch) -> None:
             with pytest.raises(pacing.TimeOverError), pacing.within(1.0):
                 pacing.check()
     pacing.check()
-    assert pacing.left() == math.inf
+    assert pacing.remaining() == math.inf
 
 
 def test_what_may_be_left_out_went_on_once_it_had_begun(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,7 +252,7 @@ def test_a_command_without_time_says_so(monkeypatch: pytest.MonkeyPatch) -> None
     assert (told.exit_code, "time limit of 1e-09 s was met" in told.stderr) == (1, True)
     refused = run.invoke(app, ["solve", str(EXAMPLE), "--time", "-1"])
     assert (refused.exit_code, "--time: not a time" in refused.stderr) == (2, True)
-    assert pacing.left() == math.inf
+    assert pacing.remaining() == math.inf
 
 
 def test_a_report_drew_cases_when_its_time_was_over(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -323,7 +323,7 @@ def test_a_bar_stands_below_what_is_printed_and_leaves_nothing(monkeypatch: pyte
     sign = helping._Sign()
     sign.tick()
     assert err.getvalue().endswith("loading libraries")  # at once, as text
-    sign.told("cutting the lid", 3, 7)
+    sign.update("cutting the lid", 3, 7)
     sign._start -= helping.PATIENCE
     sign.tick()
     assert "cutting the lid" in err.getvalue()
@@ -342,7 +342,7 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch: pytest.MonkeyPatch)
     sign = helping._Sign()
     for second in range(21):
         now[0] = float(second)
-        sign.told("proving", second, 0)
+        sign.update("proving", second, 0)
         sign.tick()
     assert err.getvalue().splitlines() == [f"still proving, after {t} s" for t in (5, 10, 20)]
 

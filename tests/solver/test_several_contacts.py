@@ -454,7 +454,7 @@ def test_a_contact_by_the_number_of_its_face_was_refused() -> None:
         (facing,) = re.findall(r" \(facing (.*)\) of tray", words := one.in_words(tile, tray))
         level = {"+z": 2, "+x": -28, "-x": 28}[facing]  # floor and walls, from their sizes
         assert {tray.vertices[v - 1]["xyz".index(facing[1])] for v in one.two.vertices} == {level}
-        for spelled in (label, one.told(tile, tray), words, str(one)):
+        for spelled in (label, one.described(tile, tray), words, str(one)):
             assert fo.Problem(tile, tray, contacts=[spelled], **asked).contacts == (one,)
     with pytest.raises(InputError, match=r"contacts\[1\]: not a feature label"):
         fo.Problem(tile, tray, contacts=[label.replace(f"face {number}", "face 99")], **asked)

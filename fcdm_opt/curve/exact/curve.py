@@ -88,18 +88,18 @@ class Shadow:
         if self.start.basis is None:
             return []
         one = Vertex.of(self.start.basis.maximised(_AXES[0]))
-        others = (Vertex.of(one.basis.maximised(way)) for way in _AXES[1:])
+        others = (Vertex.of(one.basis.maximised(axis)) for axis in _AXES[1:])
         two = next((other for other in others if other.point != one.point), None)
         if two is None:  # all entries of z are largest there
             return []
         edges: list[Edge] = []
-        for edge in self._outline(one, two) + self._outline(two, one):
+        for edge in self._boundary(one, two) + self._boundary(two, one):
             whole = edges[-1].before(edge) if edges else None
             edges[-1:] = [whole] if whole else [*edges[-1:], edge]
         whole = edges[-1].before(edges[0])
         return [whole, *edges[1:-1]] if whole else edges
 
-    def _outline(self, here: Vertex, last: Vertex) -> list[Edge]:
+    def _boundary(self, here: Vertex, last: Vertex) -> list[Edge]:
         """Return the edges from one point of the outline to another, counter-clockwise, some in several stretches."""
         edges, ahead = [], [last]
         while ahead:

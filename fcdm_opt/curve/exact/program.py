@@ -58,7 +58,7 @@ class Program:
     of all. The transform of body 1, (4, 4), is taken as given.
 
     `units` are the exponents of the powers of two that lengths of part 1, part 2 and d are counted in; k, (3,), is two
-    to the powers `reach`: at least as large as any entry of such a column. `floats`, (6, total), are the first three
+    to the powers `powers`: at least as large as any entry of such a column. `floats`, (6, total), are the first three
     rows divided by k, and three rows that say of which kind a column is.
     """
 
@@ -82,8 +82,8 @@ class Program:
         spans = [float((np.abs(X) @ np.abs(R).T).max()), float(np.abs(Y).max())]
         tops = [math.frexp(span)[1] for span in spans]
         width = max(x.height_bits() for x in offset)
-        self.reach = (tops[0] - self.units[0], tops[1] - self.units[1], width)
-        self.k = tuple([ONE << bits for bits in self.reach])
+        self.powers = (tops[0] - self.units[0], tops[1] - self.units[1], width)
+        self.k = tuple([ONE << bits for bits in self.powers])
         self.floats = np.zeros((6, self.total))
         n = self.counts[0]
         self.floats[:3, :n] = np.ldexp(R @ X.T, -tops[0])
@@ -142,7 +142,7 @@ class Program:
 
     def _slacks(self, n: Vector, levels: Vector) -> tuple[Array, float]:
         """Return level - n.c of all columns up to a factor, and a bound of its error."""
-        p, q, r = self.reach
+        p, q, r = self.powers
         coefficients = normalised((-n[0], -n[1], -n[2], *levels), (0, 0, 0, -p, -q, -r))
         return self.values(coefficients), ROUNDING * sum(map(abs, coefficients))
 

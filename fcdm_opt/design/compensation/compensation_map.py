@@ -134,8 +134,8 @@ class CompensationMap(Plain, NotebookRepr):
         """Unit of amounts and errors, "" where the problem names none or has an amount of its own."""
         if self.problem is None or isinstance(self.problem["case"][0].get("amount"), Mapping):
             return ""
-        told = self.problem.get("part") or [self.problem["bodies"]["movable"]]
-        return str(told[0].get("unit", ""))
+        tables = self.problem.get("part") or [self.problem["bodies"]["movable"]]
+        return str(tables[0].get("unit", ""))
 
     @property
     def scaled(self) -> Flags:
@@ -210,7 +210,7 @@ class CompensationMap(Plain, NotebookRepr):
             f"region{'s' * (len(self.regions) != 1)}, {simplices(len(self.table), len(self.over))}, "
             f"error {self.error_text}, "
             f"{f'{self.undecided:.3%} of the box undecided, ' if self.undecided else ''}"
-            f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {told}' for told in self.known_to)}"
+            f"{self.solved} solves in {self.seconds:.1f} s{''.join(f'; {text}' for text in self.known_to)}"
         )
 
     @property
@@ -431,13 +431,13 @@ def _chains(edges: Sequence[Facet]) -> list[list[int]]:
     for i, j in edges:
         around.setdefault(i, []).append(j)
         around.setdefault(j, []).append(i)
-    left, chains = {frozenset(ends) for ends in edges}, list[list[int]]()
+    open_edges, chains = {frozenset(ends) for ends in edges}, list[list[int]]()
     for start in sorted(around, key=lambda k: (len(around[k]) == 2, k)):  # closed chains last
         for step in around[start]:
             chain = [start, step]
-            while frozenset(chain[-2:]) in left:
-                left.discard(frozenset(chain[-2:]))
-                onward = [k for k in around[chain[-1]] if frozenset((chain[-1], k)) in left]
+            while frozenset(chain[-2:]) in open_edges:
+                open_edges.discard(frozenset(chain[-2:]))
+                onward = [k for k in around[chain[-1]] if frozenset((chain[-1], k)) in open_edges]
                 if len(around[chain[-1]]) != 2 or not onward:
                     chains.append(chain)
                     break

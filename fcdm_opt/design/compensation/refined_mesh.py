@@ -42,7 +42,7 @@ CONVEX = 4.0  # times what a convex or concave function of one size is off its c
 LONG = 0.3  # of the box: edges of which more than one place is looked at, where that says that motions are linear
 LARGER = 0.25  # share of the allowed error that makes an edge be split
 WAVES = 80
-TOGETHER = 16  # searches side by side: those before are through when the time is over
+BATCH = 16  # searches side by side: those before are through when the time is over
 
 
 class RefinedMesh(SizeMesh):
@@ -68,8 +68,8 @@ class RefinedMesh(SizeMesh):
         known = [sample for sample in samples if sample is not None]
         held = [sample.held for sample in known]
         # may hold on a boundary only: what holds nowhere else, or both sides together
-        alone = {one for one in held if held.count(one) == 1 or any(other.is_part_of(one) for other in held)}
-        self._run([self._fill(vertex) for vertex in vertices if not alone.isdisjoint(vertex.values)])
+        separate = {one for one in held if held.count(one) == 1 or any(other.is_part_of(one) for other in held)}
+        self._run([self._fill(vertex) for vertex in vertices if not separate.isdisjoint(vertex.values)])
         largest = max((float(sample.values[0]) for sample in known if np.isfinite(sample.values[0])), default=0.0)
         self.error = max(SHARE * largest, self._rounding) if error is None else error
 
@@ -109,8 +109,8 @@ class RefinedMesh(SizeMesh):
         """Run searches side by side: what they ask for is solved in one go; tell which came to their end."""
         # they are given up when refining has used its share of the time, with `last` when all the time is over
         ended = [False] * len(searches)
-        for first in range(0, len(searches), TOGETHER):
-            asked = {k: next(searches[k], None) for k in range(first, min(first + TOGETHER, len(searches)))}
+        for first in range(0, len(searches), BATCH):
+            asked = {k: next(searches[k], None) for k in range(first, min(first + BATCH, len(searches)))}
             while asked and (last or not self.sampler.late):
                 samples = iter(self.sampler.samples([place for places in asked.values() for place in places or ()],
                                                     last=last))  # fmt: skip
@@ -216,12 +216,12 @@ class RefinedMesh(SizeMesh):
         """
         steps = [sign * NARROW * direction for direction in directions for sign in (2.0, -2.0)]
         samples = yield [place + times * step for step in steps for times in (1.0, 2.0)]
-        beside = {
+        neighbours = {
             near.held: 2.0 * near.values - far.values
             for near, far in zip(samples[::2], samples[1::2], strict=True)
             if near.held == far.held
         }
-        return beside or dict([sample])
+        return neighbours or dict([sample])
 
     def _changing(
         self, ends: Ends, edge: MeshEdge, p: MeshVertex, q: MeshVertex, between: Sequence[Sample]
@@ -303,9 +303,9 @@ class RefinedMesh(SizeMesh):
         (middle, line, here), (quarter, _, there) = found
         centre = here.continued(0.5)
         for one, value in zip(here.sets, centre, strict=True):
-            beside = there.continued(0.5)[there.sets.index(one)]
+            nearest = there.continued(0.5)[there.sets.index(one)]
             edge.middle[one] = value
-            edge.off[one] = self._apart(_at_quarter(p.values[one], value, q.values[one]), beside, quarter)
+            edge.off[one] = self._apart(_at_quarter(p.values[one], value, q.values[one]), nearest, quarter)
         edge.step = self._apart(*centre, middle)
         shift = (here.at - 0.5) * line
         edge.bend = float(np.linalg.norm(shift))

@@ -91,10 +91,10 @@ def _read(text: str) -> Scene:
 
 def sample_of(text: str, made: Made, over: Sequence[str], end: float) -> Sample | None:
     """Return the sample of a scene in plain data, None where it is not there by `end`: what a worker process does."""
-    left = end - time()
-    if left <= 0.0:
+    remaining = end - time()
+    if remaining <= 0.0:
         return None
-    with pacing.within(left if math.isfinite(left) else None, share=1.0):
+    with pacing.within(remaining if math.isfinite(remaining) else None, share=1.0):
         return sample_within(_read(text), made, over)
 
 
@@ -120,7 +120,7 @@ class Sampler:
     jobs: int = 1
     over: Sequence[str] = SCALES
     known: dict[Made, Sample] = field(default_factory=dict)
-    _given: float = field(default_factory=pacing.left)
+    _given: float = field(default_factory=pacing.remaining)
 
     @cached_property
     def weights(self) -> tuple[float, ...]:
@@ -159,7 +159,7 @@ class Sampler:
     def _time(self) -> float:
         if self._given == math.inf:
             return 0.0
-        return (1.0 - pacing.left() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
+        return (1.0 - pacing.remaining() / self._given) / pacing.SEARCHED if self._given > 0.0 else 1.0
 
     def made(self, place: Any) -> Array:
         """Return the sizes at a place, or at several, (..., k)."""
@@ -179,18 +179,18 @@ class Sampler:
         return [self.known.get(own) for own in asked]
 
     def _solved(self, missing: list[Made], last: bool) -> list[Sample | None]:
-        left = pacing.left()
-        if not last and left < math.inf:
-            left -= (1.0 - pacing.SEARCHED) * self._given
-        if left <= 0.0:
+        remaining = pacing.remaining()
+        if not last and remaining < math.inf:
+            remaining -= (1.0 - pacing.SEARCHED) * self._given
+        if remaining <= 0.0:
             return [None] * len(missing)
         if self.jobs == 1 or len(missing) < 2 * self.jobs:
-            with pacing.within(left if left < math.inf else None, share=1.0):
+            with pacing.within(remaining if remaining < math.inf else None, share=1.0):
                 return [self._sample(own, len(missing) - k) for k, own in enumerate(missing)]
         from joblib import Parallel, delayed
 
         run = Parallel(self.jobs, backend="loky", batch_size=CHUNK, inner_max_num_threads=1)
-        end = time() + left  # the wall clock is that of the other processes too
+        end = time() + remaining  # the wall clock is that of the other processes too
         return run(delayed(sample_of)(self._plain, own, self.over, end) for own in missing)
 
     def _sample(self, made: Made, waiting: int) -> Sample | None:

@@ -73,9 +73,9 @@ def changeover(
         for t, sample in points:
             if sample.held not in sets:  # a region, or but the strip in which both sides hold within rounding
                 around = t - 2.0 * narrow, t + 2.0 * narrow
-                beside = yield [start + place * (end - start) for place in around]
-                if all(near.held != sample.held for near in beside):
-                    points, strip = list(zip(around, beside, strict=True)), t
+                neighbours = yield [start + place * (end - start) for place in around]
+                if all(near.held != sample.held for near in neighbours):
+                    points, strip = list(zip(around, neighbours, strict=True)), t
                     break
         width = sides[1][-1][0] - sides[0][-1][0]
         for t, (held, values) in points:

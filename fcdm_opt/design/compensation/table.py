@@ -285,16 +285,16 @@ class Locator:
         bucket = np.minimum(((points - low) * (sides / (high - low))).astype(np.int64), sides - 1)
         bucket = np.ravel_multi_index(tuple(bucket), tuple(self._sides))
         for slack in self._slack:
-            left = np.arange(len(inside)) if slack is self._slack[0] else np.flatnonzero(found[inside] < 0)
-            place, end = self._starts[bucket[left]], self._starts[bucket[left] + 1]
-            while len(left):
+            pending = np.arange(len(inside)) if slack is self._slack[0] else np.flatnonzero(found[inside] < 0)
+            place, end = self._starts[bucket[pending]], self._starts[bucket[pending] + 1]
+            while len(pending):
                 full = place < end
                 if not full.all():
-                    left, place, end = left[full], place[full], end[full]
+                    pending, place, end = pending[full], place[full], end[full]
                 member = self._members[place]
-                there = self._weights(member, points[:, left])
+                there = self._weights(member, points[:, pending])
                 hit = there.min(axis=0) >= -slack[member]
-                where = inside[left[hit]]
+                where = inside[pending[hit]]
                 found[where], weights[:, where] = member[hit], there[:, hit]
-                left, place, end = left[~hit], place[~hit] + 1, end[~hit]
+                pending, place, end = pending[~hit], place[~hit] + 1, end[~hit]
         return found, weights

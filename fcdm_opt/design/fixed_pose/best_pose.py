@@ -153,11 +153,11 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         best = -ends[0] if self.fitted else violation
         value = amount if self.status == INSIDE else best
         known = {BEST: self.window == (0.0, 0.0), INSIDE: inside, NONE: not inside, UNDECIDED: not inside}
-        named, told = {**self.transforms}, transforms_of(problem, q)
+        named, transforms = {**self.transforms}, transforms_of(problem, q)
         if self.transform is not None:
             named[""] = self.transform
         errors = {
-            "transform of parameters": max(np.abs(named[part] - T).max() for part, T in told.items()),
+            "transform of parameters": max(np.abs(named[part] - T).max() for part, T in transforms.items()),
             "amount": abs(self.amount - amount),
             "worst gap": abs(self.worst_gap - max(map(abs, ends))),
             "violation": abs(self.violation - violation),
@@ -235,17 +235,17 @@ class BestPose(ShortRepr, NotebookRepr, Plain):
         slack = self.problem.contact_slack if self.problem is not None else 0.0
         least, most = (gap * (abs(gap) > slack) for gap in (self.least.gap, self.most.gap))
         ends = gaps_text(least, most, self.unit)
-        told = f"{self.status}: {self.motion}; {ends}; {what} {measured(self.value, self.unit)} ({known})"
+        text = f"{self.status}: {self.motion}; {ends}; {what} {measured(self.value, self.unit)} ({known})"
         if self.fitted:  # whose least gap is made largest
             sure = "none can be better" if self.certified else "no bound proved"
-            told = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
+            text = f"{self.status}: {self.motion}; {ends}; the least as large as can be ({sure})"
         contacts = [f"\n  {name}: {gaps_text(*ends, self.unit)}" for name, ends in self.contacts.items()]
         judged = "verified" if self.passed else self.refusal or "not judged"
         middle = [MIDDLE] * (self.window == (0.0, 0.0) and not self.fitted and self.least.gap < 0.0)
         outside = ["outside the fit in which the parts are drawn: set limits that keep the part in"] * self.leaves_fit
         several = "".join(contacts if len(contacts) > 1 else [])
         near = [f"at rest {own}" for own in self.too_near_at_rest]
-        return "; ".join([told, *near, judged, *outside, *not_counted(self.standing), *middle]) + several
+        return "; ".join([text, *near, judged, *outside, *not_counted(self.standing), *middle]) + several
 
     @property
     def refusal(self) -> str:
@@ -484,14 +484,14 @@ def _reported(problem: Problem | Assembly, found: _Best, window: tuple[float, fl
         least = replace(end, rho=least.rho, names=least.names)
     least, most = (end.without_rounding(DEFAULT.weld * problem.size) for end in (least, most))
     q = np.where(np.abs(worst.weights * best.q) <= DEFAULT.weld * problem.size, 0.0, best.q)
-    told, gaps = transforms_of(problem, best.q), worst.scene
+    transforms, gaps = transforms_of(problem, best.q), worst.scene
     value = found.value if abs(found.value) > DEFAULT.weld * problem.size else 0.0
     return BestPose(
         status=found.status,
         parameters=dict(zip([own.name for own in problem.coordinates], q.tolist(), strict=True)),
         motion=motion_in_words(problem, np.where(np.abs(worst.weights * q) > problem.contact_slack, q, 0.0)),
-        transform=frozen(told.pop("")) if "" in told else None,
-        transforms=told,
+        transform=frozen(transforms.pop("")) if "" in transforms else None,
+        transforms=transforms,
         contacts=gaps.ranges(best.off.rows) if isinstance(gaps, ContactGaps) else {},
         amount=amount_of(problem, best.q),
         worst_gap=max(abs(least.gap), abs(most.gap)),
@@ -575,4 +575,4 @@ def transforms_of(question: Scene, q: Array) -> dict[str, Array]:
 def motion_in_words(question: Scene, q: Array) -> str:
     """Return a motion in words, of an assembly part by part."""
     each = question.motion_texts(q.tolist()).items()
-    return ", ".join(f"{part} {told}" if isinstance(question, Assembly) else told for part, told in each)
+    return ", ".join(f"{part} {text}" if isinstance(question, Assembly) else text for part, text in each)

@@ -36,7 +36,7 @@ class Witnesses(NamedTuple):
     shares: Array
     parts: Ints
     sizes: Array
-    ways: tuple[Array, ...]
+    directions: tuple[Array, ...]
 
 
 NO_WITNESSES = Witnesses(np.empty(0, np.int64), np.empty(0), np.empty((0, 2), np.int64), np.empty((0, 2)), ())
@@ -115,14 +115,14 @@ class Search:
 
     def _look_at(self, node: Node, T: Array) -> None:
         worst, scene, slopes = self.worst, self.worst.scene, T[:, 1:-1]
-        moved = np.abs(slopes[9:]).sum(axis=0) + scene.reach * np.abs(slopes[:9]).sum(axis=0)
+        moved = np.abs(slopes[9:]).sum(axis=0) + scene.circumradius * np.abs(slopes[:9]).sum(axis=0)
         for own in worst.keep_out:
             other = T.copy()
             other[9:, 0] += own.scene.static.seed - scene.static.seed
             if _bounded(own, other, float(moved.sum()))[1][0] > 2.0 * self.slack:
                 node.bound = np.inf
                 return
-        rows, (bound, value, shares, kinds, ways, scores) = _bounded(worst, T, float(moved.sum()))
+        rows, (bound, value, shares, kinds, normals, scores) = _bounded(worst, T, float(moved.sum()))
         if not np.isfinite(bound):
             bound = -np.inf
         chosen = np.flatnonzero(shares > NEGLIGIBLE)
@@ -130,7 +130,7 @@ class Search:
         kind, place, size = kinds[chosen].T
         short = kind != kernels.DIRECTED
         parts[short] = rows.pairs[place[short]]
-        directions = tuple(np.empty((0, 3)) if own else ways[s] for own, s in zip(short, size, strict=True))
+        directions = tuple(np.empty((0, 3)) if own else normals[s] for own, s in zip(short, size, strict=True))
         node.witnesses = Witnesses(kind, shares[chosen], parts, worst.active[size], directions)
         width, turning = node.high - node.low, worst.problem.motion.turning
         if self.amounts:
@@ -142,7 +142,7 @@ class Search:
         else:
             # what each parameter costs the bound, moves points by, and adds to what is not linear in it: turns do
             node.bound, bent = bound, np.where(turning, width**2, 0.0)
-            error = scene.reach * T[:9, -1].sum() + T[9:, -1].sum()
+            error = scene.circumradius * T[:9, -1].sum() + T[9:, -1].sum()
             if error < np.inf and bent.any():
                 bent = error * bent / bent.sum()
             scores = np.where(np.isfinite(scores), scores, 0.0) + RAW * moved + bent

@@ -62,16 +62,16 @@ class EndOfRange(Plain):
         """The sizes in words: deviations that are not zero by their names."""
         if self.names == SCALES:
             return ", ".join(f"{x:.6g}" for x in self.rho)
-        told = [f"{name} {signed(x, 6)}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
-        return ", ".join(told) or "as drawn"
+        texts = [f"{name} {signed(x, 6)}" for name, x in zip(self.names, self.rho.tolist(), strict=True) if x]
+        return ", ".join(texts) or "as drawn"
 
     @classmethod
     def of(cls, scene: BodyGaps | ContactGaps, rows: Any, extreme: Extreme) -> EndOfRange:
         """Return an extreme with the label of its features."""
-        gap, rho, parts, way = extreme
+        gap, rho, parts, direction = extreme
         feature = scene.feature(rows, extreme)
         found = cls(
-            gap=gap, rho=frozen(rho), parts=parts, feature=feature.label, direction=frozen(way), names=scene.names
+            gap=gap, rho=frozen(rho), parts=parts, feature=feature.label, direction=frozen(direction), names=scene.names
         )
         return replace(found, between=scene.in_words(feature))
 
@@ -159,8 +159,8 @@ class Clearances(NotebookRepr, Plain):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, without the single size pairs and gaps."""
-        told = {"count": len(self.gaps), "histogram": {"counts": self.counts, "edges": self.edges}}
-        return {name: plain(told[name] if name in told else getattr(self, name)) for name in self.plain_names}
+        data = {"count": len(self.gaps), "histogram": {"counts": self.counts, "edges": self.edges}}
+        return {name: plain(data[name] if name in data else getattr(self, name)) for name in self.plain_names}
 
 
 @known_arguments
@@ -258,7 +258,7 @@ def _of_contacts(problem: Problem | Assembly, sizes: Any, box: Any, pose: Any, d
     at, (pairs, source) = scene.rows(poses), drawn(asked.box)
     extremes, (first, *others) = scene.extremes(at), scene.claims(poses)
     least, most = (EndOfRange.of(scene, at, end) for end in extremes[:2])
-    whole = replace(first, beside=others)
+    whole = replace(first, further=others)
     return _Found(transform, least, most, pairs, source, at.gaps(pairs), whole, (), extremes.doubt, not scene.of_facets)
 
 

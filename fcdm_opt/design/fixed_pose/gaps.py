@@ -70,7 +70,7 @@ def _level(rows, k, sizes, shift):
 
 
 @kernel
-def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
+def pair_gap(rows, start, end, along_rows, sizes, shift, enough, direction):
     """Return a part pair's signed distance, and write the direction that has it; no less than `enough` is asked.
 
     With a column after the sizes' the first of its rows may be `MET`: of pieces that overlap by all but `BACK` ones it
@@ -91,7 +91,7 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
             met = k
     if kinds and before <= 0.0:
         best, widest = _level(rows, met, sizes, shift), met
-    way[0], way[1], way[2] = rows[widest, 0], rows[widest, 1], rows[widest, 2]
+    direction[0], direction[1], direction[2] = rows[widest, 0], rows[widest, 1], rows[widest, 2]
     if along_rows or best <= 0.0 or best >= enough:
         return best
     count = end - start
@@ -103,22 +103,22 @@ def pair_gap(rows, start, end, along_rows, sizes, shift, enough, way):
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if not length > 1.0:
         return best
-    way[0], way[1], way[2] = v[0] / length, v[1] / length, v[2] / length
+    direction[0], direction[1], direction[2] = v[0] / length, v[1] / length, v[2] / length
     return best * length
 
 
 @often
 @kernel
-def least_gap(rows, first, along_rows, sizes, shift, likely, way):
+def least_gap(rows, first, along_rows, sizes, shift, likely, direction):
     """Return the least signed distance of the part pairs, and which has it: the likeliest is asked first."""
     own = np.empty(3)
-    best, owner = pair_gap(rows, first[likely], first[likely + 1], along_rows, sizes, shift, _INF, way), likely
+    best, owner = pair_gap(rows, first[likely], first[likely + 1], along_rows, sizes, shift, _INF, direction), likely
     for p in range(len(first) - 1):
         if p != likely:
             gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes, shift, best, own)
             if gap < best:
                 best, owner = gap, p
-                way[0], way[1], way[2] = own[0], own[1], own[2]
+                direction[0], direction[1], direction[2] = own[0], own[1], own[2]
     return best, owner
 
 
@@ -126,28 +126,28 @@ def least_gap(rows, first, along_rows, sizes, shift, likely, way):
 @kernel
 def gaps(rows, first, along_rows, sizes):
     """Return the signed gap of two bodies at sizes (m, k), the part pair that has each, and its direction, (m, 3)."""
-    found, owners, ways = np.empty(len(sizes)), np.zeros(len(sizes), np.int64), np.empty((len(sizes), 3))
+    found, owners, directions = np.empty(len(sizes)), np.zeros(len(sizes), np.int64), np.empty((len(sizes), 3))
     owner = 0
     for k in range(len(sizes)):
-        found[k], owner = least_gap(rows, first, along_rows, sizes[k], (0.0, 0.0, 0.0), owner, ways[k])
+        found[k], owner = least_gap(rows, first, along_rows, sizes[k], (0.0, 0.0, 0.0), owner, directions[k])
         owners[k] = owner
-    return found, owners, ways
+    return found, owners, directions
 
 
 @often
 @kernel
 def gaps_of_pairs(rows, first, along_rows, sizes):
     """Return the signed distance of every part pair at sizes (m, k), (pairs, m)."""
-    found, way = np.empty((len(first) - 1, len(sizes))), np.empty(3)
+    found, direction = np.empty((len(first) - 1, len(sizes))), np.empty(3)
     for p in range(len(first) - 1):
         for k in range(len(sizes)):
             still = (0.0, 0.0, 0.0)
-            found[p, k] = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[k], still, _INF, way)
+            found[p, k] = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[k], still, _INF, direction)
     return found
 
 
 @step
-def _way(pose, scale, x):
+def _offset(pose, scale, x):
     """Return the way from a point of body 1 to the seed of body 2."""
     return _minus(_entry(pose, 9), _times(scale, _turned(pose, 0, x)))
 
@@ -191,7 +191,7 @@ def _moved_points(points, S, poses, scale, shifts, off):
         lost = _lost(S[k + 1], scale, a, x), _lost(S[k + 1], scale, b, x), _lost(S[k + 1], scale, c, x)
         error = max(error, _length(lost))
     for corner in range(len(poses)):
-        shift = _minus(_way(poses[corner], scale, mean), _way(S[0], scale, mean))
+        shift = _minus(_offset(poses[corner], scale, mean), _offset(S[0], scale, mean))
         shifts[corner, 0], shifts[corner, 1], shifts[corner, 2] = shift
     return error
 
@@ -232,7 +232,7 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
     corners, n1, n2 = 1 << k, len(starts1) - 1, len(starts2) - 1
     poses, here, still = _corner_poses(S), (0.0, 0.0, 0.0), not S[1:, :9].any()
     chosen, count = np.empty((corners + 1, 2), np.int64), 0
-    ways, value, scratch = np.empty((m, n1 * n2, 3)), -_INF, np.empty(3)
+    directions, value, scratch = np.empty((m, n1 * n2, 3)), -_INF, np.empty(3)
     shifts, offs, errors = np.empty((m, corners + 1, 3)), np.zeros((m, k)), np.zeros(m)
     worst, of_corner = np.full(corners + 1, -_INF), np.zeros((corners + 1, 2), np.int64)
     likely = 0
@@ -269,27 +269,27 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
             kinds[used, 0], kinds[used, 1], kinds[used, 2] = TRACKED, p, s
             used += 1
     for s in range(more):
-        ways[s], W[used] = np.nan, _INF
+        directions[s], W[used] = np.nan, _INF
         kinds[used, 0], kinds[used, 1], kinds[used, 2] = DIRECTED, -1, s
         for p in range(len(near)):
             gap = pair_gap(rows, first[p], first[p + 1], along_rows, sizes[s], here, _INF, scratch)
             if n1:
-                ways[s, near[p, 0] * n2 + near[p, 1]] = scratch
+                directions[s, near[p, 0] * n2 + near[p, 1]] = scratch
             for corner in range(corners if still else 0):
                 along = _dot(_at(shifts[s], corner), _entry(scratch, 0))
                 W[used, corner] = min(W[used, corner], gap + along - errors[s] - high)
         for code in range(n1 * n2):
             i, j = code // n2, code % n2
-            x, y, known = sizes[s, 0], sizes[s, 1], not np.isnan(ways[s, code, 0])
+            x, y, known = sizes[s, 0], sizes[s, 1], not np.isnan(directions[s, code, 0])
             if not counted[i, j]:
-                ways[s, code] = 0.0
+                directions[s, code] = 0.0
                 continue
             if known and still:
                 continue
             own, other = one[starts1[i] : starts1[i + 1]], two[starts2[j] : starts2[j + 1]]
             if not known:
-                _set_far_way(S[0], own, other, x, y, ways[s, code])
-            _narrow(W[used], S, poses, own, other, x, y, _at(ways[s], code), high)
+                _set_far_direction(S[0], own, other, x, y, directions[s, code])
+            _narrow(W[used], S, poses, own, other, x, y, _at(directions[s], code), high)
         used += 1
     W, kinds = W[:used], kinds[:used]
     shares = game(W)
@@ -302,18 +302,18 @@ def cell_bound(one, starts1, two, starts2, counted, rows, first, near, along_row
             scores[c] += abs(mixed[corner] - mixed[corner ^ (1 << c)]) / (2.0 * corners)
         for w in range(count):
             scores[c] += shares[w] * offs[kinds[w, 2], c]
-    return mixed.min(), value, shares, kinds, ways, scores
+    return mixed.min(), value, shares, kinds, directions, scores
 
 
 @kernel
-def _set_far_way(pose, one, two, x, y, way):
+def _set_far_direction(pose, one, two, x, y, direction):
     """Write the direction along which two parts are furthest apart, any where they are not."""
     moved = np.empty_like(one)
     for v in range(len(one)):
-        moved[v, 0], moved[v, 1], moved[v, 2] = _times(-1.0, _way(pose, x, _at(one, v)))
+        moved[v, 0], moved[v, 1], moved[v, 2] = _times(-1.0, _offset(pose, x, _at(one, v)))
     between = nearest_points(moved, y * two)[0]
     n = _times(1.0 / _length(between), between) if _length(between) > 0.0 else (1.0, 0.0, 0.0)
-    way[0], way[1], way[2] = n
+    direction[0], direction[1], direction[2] = n
 
 
 @kernel
@@ -323,19 +323,19 @@ def _set_tracked(values, S, poses, one, rows, start, end, x, y, low):
     Return whether that is anywhere more than nothing: else the facets need not remain about zero.
     """
     values[:] = _INF
-    reach = 0.0
+    extent = 0.0
     for v in range(len(one)):
-        reach = max(reach, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
+        extent = max(extent, abs(one[v, 0]) + abs(one[v, 1]) + abs(one[v, 2]))
     for f in range(start, end):
         n = _at(rows, f)
         own = _turned_back(S[0], 0, _times(-1.0, n))
-        deepest = _lowest(one, own)[1] + _ALIKE * reach
+        deepest = _lowest(one, own)[1] + _ALIKE * extent
         for v in range(len(one)):
             if _dot(own, _at(one, v)) > deepest:
                 continue
             level = -rows[f, 5] * y - _lost(S[len(S) - 1], x, n, _at(one, v))
             for corner in range(len(values)):
-                values[corner] = min(values[corner], low + level - _dot(n, _way(poses[corner], x, _at(one, v))))
+                values[corner] = min(values[corner], low + level - _dot(n, _offset(poses[corner], x, _at(one, v))))
         if rows[f, 3] + rows[f, 4] * x + rows[f, 5] * y >= 0.0 or not values.min() > low:
             return False
     return True

@@ -26,7 +26,7 @@ from fcdm_opt.problem.nominal import FIT
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.stages.contact_system import System
 
-TOLD = 3  # contacts that are told, those that are worst first
+MOST_NAMED = 3  # contacts that are told, those that are worst first
 MOST_PAIRS = 2000  # of parts: with more the search takes longer than what it tells is worth
 MORE = 1.01  # times what lacks where keep-outs are kept that has to lack where they are not
 SHARE, SHRINK, STEPS = 0.1, 0.25, 24  # of the size, of a step that does not help, and steps
@@ -59,8 +59,8 @@ def nearest_miss(problem: Problem) -> str:
     held = [name for name, end in zip(problem.motion.names, np.fmin(q - low, high - q) <= near, strict=True) if end]
     limit = f", {' and '.join(held)} at the limit" if held else ""
     where = problem.motion.describe(q.tolist(), unit=problem.unit, digits=4)
-    more = f"; {len(lacking) - TOLD} more" if len(lacking) > TOLD else ""
-    return f"at the nearest pose found ({where}{limit}) {'; '.join(lacking[:TOLD])}{more}"
+    more = f"; {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
+    return f"at the nearest pose found ({where}{limit}) {'; '.join(lacking[:MOST_NAMED])}{more}"
 
 
 def _untouched(problem: Problem) -> tuple[Array, list[str]]:
@@ -85,8 +85,8 @@ def _untouched(problem: Problem) -> tuple[Array, list[str]]:
     each = ((_lacking(worst, least_moved(own, better(own, q), found_at(own, q)).q), more) for own, q, more in asked)
     (_, q, gaps), _ = min(each, key=lambda own: own[0][0] * own[1])
     slack = max(problem.contact_slack, NEAR * worst.scene.size)
-    missed = [told for miss, told in gaps if miss > slack]
-    return q, missed + [f"in the way, {told}" for miss, told in gaps if abs(miss) <= slack] * bool(missed)
+    missed = [text for miss, text in gaps if miss > slack]
+    return q, missed + [f"in the way, {text}" for miss, text in gaps if abs(miss) <= slack] * bool(missed)
 
 
 def _lacking(worst: Worst, q: Array) -> tuple[float, Array, list[tuple[float, str]]]:
@@ -104,7 +104,7 @@ def _of_true_faces(problem: Problem, asked: Exchange) -> tuple[Array, list[str]]
     from scipy.optimize import linprog
 
     (low, high), q = problem.limits.T, np.zeros(len(problem.limits))
-    shifts, q = -problem.motion.ways(problem.movable.seed, problem.static.seed), np.clip(q, low, high)
+    shifts, q = -problem.motion.shift_vectors(problem.movable.seed, problem.static.seed), np.clip(q, low, high)
 
     def at(values: Array) -> list[NearestPoints]:
         pose = problem.motion.transform(values, problem.movable.seed, problem.static.seed)

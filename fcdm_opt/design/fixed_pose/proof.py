@@ -49,9 +49,9 @@ class PoseEvidence(Plain):
     def of(cls, search: Search) -> PoseEvidence:
         """Return what a search leaves behind."""
         cells = [node for node in search.nodes if not node.halved]
-        *mixtures, ways = zip(*(node.witnesses for node in cells), strict=True)
+        *mixtures, directions = zip(*(node.witnesses for node in cells), strict=True)
         kinds, shares, parts, sizes = map(np.concatenate, mixtures)
-        each = [own for several in ways for own in several]
+        each = [own for several in directions for own in several]
         return cls(
             boxes=frozen([(node.low, node.high) for node in cells]),
             first=frozen(np.cumsum([0, *map(len, mixtures[0])]), np.int64),
@@ -156,10 +156,10 @@ class _PoseExaminer:
             least = min(least, self._over(row, low[row], high[row], asked, slack, HALVINGS))
         return least
 
-    def _over(self, row: int, low: Array, high: Array, asked: float, slack: float, left: int) -> float:
+    def _over(self, row: int, low: Array, high: Array, asked: float, slack: float, halvings: int) -> float:
         """Return what a cell's mixture exceeds what is asked by: over the cell, or its halves, halved again."""
         margin = self._value(row, self._poses(low[None], high[None])[0]) - asked
-        if margin >= -slack or not left:
+        if margin >= -slack or not halvings:
             return margin
         lengths = (high - low) * self.worst.problem.weights
         turns = self.worst.problem.motion.turning  # to which the mean value form loses what it loses
@@ -167,7 +167,7 @@ class _PoseExaminer:
         upper, lower = low.copy(), high.copy()
         upper[axis] = lower[axis] = 0.5 * low[axis] + 0.5 * high[axis]
         for a, b in ((low, lower), (upper, high)):
-            least = min(least, self._over(row, a, b, asked, slack, left - 1))
+            least = min(least, self._over(row, a, b, asked, slack, halvings - 1))
             if least < -slack:
                 break
         return least
@@ -196,29 +196,29 @@ class _PoseExaminer:
             share, rho, parts = float(own.shares[w]), own.sizes[w], own.parts[w]
             if share == 0.0:
                 continue
-            kind, ways = int(own.kinds[w]), own.ways[own.way_first[w] : own.way_first[w + 1]]
+            kind, directions = int(own.kinds[w]), own.ways[own.way_first[w] : own.way_first[w + 1]]
             own_pair = all(0 <= parts[k] < len(self.points[k]) for k in (0, 1))
             valid = kind == DIRECTED or (own_pair and tuple(parts.tolist()) not in self.worst.scene.uncounted)
             if kind == SHIFTED and valid:
                 value = self._shifted(parts, rho, T)
             elif kind == TRACKED and valid:
                 value = self._tracked(parts, rho, T)
-            elif kind == DIRECTED and len(ways) == len(self.points[0]) * len(self.points[1]):
-                value = self._directed(ways, rho, T)
+            elif kind == DIRECTED and len(directions) == len(self.points[0]) * len(self.points[1]):
+                value = self._directed(directions, rho, T)
             else:
                 return -np.inf
             mixed, total = mixed + share * value, total + share
         found = float(mixed.min()) / total if total > 0.0 else -np.inf
         return found if not np.isnan(found) else -np.inf
 
-    def _ways(self, points: Array, rho: Array, T: Array) -> tuple[Array, Array]:
+    def _offsets(self, points: Array, rho: Array, T: Array) -> tuple[Array, Array]:
         """Return the ways d - rho_1 R x over a cell: (n, k + 1, 3) linear parts, (n, 3) errors, in each axis."""
         R, d = T[:9].reshape(3, 3, -1), T[9:]
         linear = d.T[None, :-1] - rho[0] * np.einsum("ijc,nj->nci", R[:, :, :-1], points)
         return linear, d[:, -1] + rho[0] * np.abs(points) @ R[:, :, -1].T
 
     def _shifted(self, parts: Ints, rho: Array, T: Array) -> Array:
-        linear, errors = self._ways(np.vstack(self.points[0]), rho, T)
+        linear, errors = self._offsets(np.vstack(self.points[0]), rho, T)
         shift = linear[:, 1:].mean(axis=0)
         off = np.linalg.norm(linear[:, 1:] - shift, axis=2).max(axis=0).sum() + np.linalg.norm(errors, axis=1).max()
         R, problem = T[:9, 0].reshape(3, 3), self.worst.problem
@@ -237,7 +237,7 @@ class _PoseExaminer:
         one, two = self.points[0][parts[0]], self.points[1][parts[1]]
         if len(one) * len(two) > MOST_POINTS:
             return none
-        linear, errors = self._ways(one, rho, T)
+        linear, errors = self._offsets(one, rho, T)
         points = (-linear[:, None, 0] - rho[1] * two[None]).reshape(-1, 3)
         try:
             hull = ConvexHull(points)
@@ -253,16 +253,16 @@ class _PoseExaminer:
         found = (depth[..., None] + rates @ self.signs.T - lost[..., None]).min(axis=(0, 1))
         return np.asarray(self.worst.low + found) if (found > 0).all() else none
 
-    def _directed(self, ways: Array, rho: Array, T: Array) -> Array:
+    def _directed(self, directions: Array, rho: Array, T: Array) -> Array:
         least = np.full(len(self.signs), np.inf)
-        if not (np.linalg.norm(ways, axis=1) <= 1.0 + DEFAULT.tie).all():
+        if not (np.linalg.norm(directions, axis=1) <= 1.0 + DEFAULT.tie).all():
             return np.full(len(self.signs), -np.inf)
         for i, one in enumerate(self.points[0]):
-            linear, errors = self._ways(one, rho, T)
+            linear, errors = self._offsets(one, rho, T)
             for j, two in enumerate(self.points[1]):
                 if (i, j) in self.worst.scene.uncounted:
                     continue
-                n = ways[i * len(self.points[1]) + j]
+                n = directions[i * len(self.points[1]) + j]
                 values = (
                     (linear[:, 0] @ n)[:, None] + (linear[:, 1:] @ n) @ self.signs.T - (errors @ np.abs(n))[:, None]
                 )

@@ -67,9 +67,9 @@ class GapRows:
 
     def at(self, rho: Array) -> Extreme:
         """Return the gap at sizes."""
-        found, owners, ways = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
+        found, owners, directions = kernels.gaps(self.rows, self.first, self.along, np.ascontiguousarray(rho[None]))
         i, j = self.pairs[owners[0]].tolist()
-        return Extreme(float(found[0]), frozen(rho), (i, j), frozen(ways[0]))
+        return Extreme(float(found[0]), frozen(rho), (i, j), frozen(directions[0]))
 
 
 class SizedBodies:
@@ -79,7 +79,7 @@ class SizedBodies:
     # of scaled bodies, about their seeds, part by part; empty of others
     vertices: Sequence[Array] = (np.empty((0, 3)), np.empty((0, 3)))
     starts: Sequence[Ints] = (np.zeros(1, np.int64), np.zeros(1, np.int64))  # where each part's begin
-    reach: float  # how far points of body 1 are from its seed at most
+    circumradius: float  # how far points of body 1 are from its seed at most
     # how far apart the seeds may be of bodies that touch at some sizes; infinite where that is not known
     nearest: float = np.inf
     covers: bool = True  # whether rows are known at all poses of a cell, however large
@@ -155,7 +155,7 @@ class Scales(SizedBodies):
         self.starts = [np.cumsum([0, *(len(part.vertices) for part in body.parts)]) for body in bodies]
         self.far = np.array([np.linalg.norm(own, axis=1).max() for own in self.vertices])
         self.middle, self.spread = sizes.middle, float(self.far @ sizes.half)
-        self.reach, self.nearest = float(sizes.box[0, 1] * self.far[0]), float((sizes.corners @ self.far).min())
+        self.circumradius, self.nearest = float(sizes.box[0, 1] * self.far[0]), float((sizes.corners @ self.far).min())
 
     @cached_property
     def _pairs(self) -> Ints:
@@ -320,7 +320,7 @@ class OwnSizes(SizedBodies):
         super().__init__(movable, static, Sizes(tolerance_boxes(own)), () if true is None else true.apart())
         self._true = true
         self.own, self.names, self.places = own, tuple(size.name for size in own), places
-        self.reach, self.covers = movable.size, places is not None
+        self.circumradius, self.covers = movable.size, places is not None
         self._kept: list[TouchingSizes] = []
 
     def _transform(self, pose: Array) -> Array:

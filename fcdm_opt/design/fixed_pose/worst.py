@@ -87,21 +87,21 @@ class Worst:
             return cls(problem, scaled, low, high, keep_out=near)
         motion, (movable, static) = problem.motion, problem.at_scales.values() if true is None else true.bodies
         start, count = motion.transform([0.0] * len(motion.names), movable.seed, static.seed), len(motion.names)
-        ways = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
+        directions = np.array([motion.transform(row, movable.seed, static.seed)[:3, 3] for row in np.eye(count)])
         straight = np.array([direction is not None for direction in motion.shift_directions])
         # parts further apart than this are further apart than any wanted pose: than they are at rest, or have to be
         away = float(np.linalg.norm(movable.seed - static.seed))
-        reach = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
+        most = 2.0 * (away + 2.0 * (movable.size + static.size) + sum(abs(x) for x in (low, high) if np.isfinite(x)))
         some = 0 < straight.sum() <= 3
-        narrow = float(np.linalg.svd(ways[straight], compute_uv=False)[-1]) if some else 1.0
+        narrow = float(np.linalg.svd(directions[straight], compute_uv=False)[-1]) if some else 1.0
         limits = np.array(problem.limits)
         for k in np.flatnonzero(straight).tolist():
-            far = reach / narrow if narrow > DEFAULT.nominal else np.inf
-            within = passage(problem, ways[k])  # gaps beyond a wall mean nothing
+            far = most / narrow if narrow > DEFAULT.nominal else np.inf
+            within = passage(problem, directions[k])  # gaps beyond a wall mean nothing
             limits[k] = max(limits[k, 0], -far, within[0]), min(limits[k, 1], far, within[1])
         places = None
         if motion.shifts and np.isfinite(limits).all():
-            ends = ways[:, :, None] * limits[:, None, :]
+            ends = directions[:, :, None] * limits[:, None, :]
             places = start[:3, 3:] + np.column_stack([ends.min(axis=2).sum(axis=0), ends.max(axis=2).sum(axis=0)])
         scene, names = OwnSizes(movable, static, problem.sizes, places, true), [size.name for size in problem.sizes]
         kept = _kept_clear(problem, scene.sizes, names, own=True, places=places)
@@ -284,7 +284,7 @@ class WorstContacts(Worst):
         for kept in () if failed else self.keep_out:
             claim = gaps.claim(kept.problem, kept.columns, kept.transform(q))
             others.append(replace(claim, keep_out=[(kept.scene.static, kept.low)]))
-        return replace(first, beside=others)
+        return replace(first, further=others)
 
     def bound(self, slack: float, *, amounts: bool) -> float | None:
         """Return what no pose has less of, its amount or how far its worst gap is off; None where the motion turns."""

@@ -67,7 +67,7 @@ class Loop:
 
     def claims(self, least: tuple[float, Array], largest: tuple[float, Array], told: Any) -> GapClaims:
         """Return what `verify` looks at."""
-        return replace(self.pair, least=least, largest=largest, told=told, beside=self.closed)
+        return replace(self.pair, least=least, largest=largest, told=told, further=self.closed)
 
 
 def of_all_faces(problem: Problem, sizes: Sequence[Size], contacts: Callable[[], Any] | None, **how: Any) -> Any:
@@ -160,7 +160,7 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
     claim, second = _claim(gaps, relation, motions, assembly.sizes, closed_at), 0.0
     contacts = partial(gaps.touching, drawn, claim.transform, chosen) if chosen >= 0 else None
     if assembly.shifts:
-        directions = relation.motion.ways(relation.movable.seed, relation.static.seed)
+        directions = relation.motion.shift_vectors(relation.movable.seed, relation.static.seed)
         how = {"transform": claim.transform, "carried": motions[:, 1:].T @ directions}
         if faces is None:
             found = of_all_faces(relation, claim.sizes, contacts, **how)

@@ -50,9 +50,9 @@ def load() -> None:
     from fcdm_opt.solver import solve
 
     corners = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
-    beside = [[1.2, 1.3, 0.2], [3.1, 0.2, 1.2], [1.3, 3.0, 0.9], [2.9, 2.5, -1.4]]
+    others = [[1.2, 1.3, 0.2], [3.1, 0.2, 1.2], [1.3, 3.0, 0.9], [2.9, 2.5, -1.4]]
     motion = Translation("x") >> Rotation("z", centre="origin")
-    bodies, box = (Body.convex(corners), Body.convex(beside)), ((0.2, 3.0), (0.2, 3.0))
+    bodies, box = (Body.convex(corners), Body.convex(others)), ((0.2, 3.0), (0.2, 3.0))
     problem = Problem(*bodies, target=(1.0, 1.0), goal="touch", motion=motion, box=box)
     solve(problem)
     solve(problem.changed(nominal=1, tolerance=0.01, requirement="C", target=None, goal="beyond"))

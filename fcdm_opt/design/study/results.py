@@ -222,10 +222,10 @@ class StudyResult(NotebookRepr, Plain):
         coordinates: dict[str, Any] = {}
         for label, values in self.axes.items():
             axis, names = self._names[label]
-            together = zip(*values, strict=True) if len(names) > 1 else [values]
+            columns = zip(*values, strict=True) if len(names) > 1 else [values]
             coordinates |= {
                 name: (axis, pandas.Series(_filled(_column(own))).to_numpy())
-                for name, own in zip(names, together, strict=True)
+                for name, own in zip(names, columns, strict=True)
             }
             coordinates.setdefault(axis, range(len(values)))
         table = {name: pandas.Series(_filled(values)).to_numpy() for name, values in self._columns.items()}
@@ -274,7 +274,7 @@ class StudyResult(NotebookRepr, Plain):
             return name
 
         names: dict[str, tuple[str, tuple[str, ...]]] = {}
-        varied = _together(self.definition)
+        varied = _joint_keys(self.definition)
         for label in dict.fromkeys([*self.definition["labels"], *self.axes]):
             keys = varied.get(label, (label,))
             columns = tuple(map(free, keys))
@@ -316,14 +316,14 @@ class StudyResult(NotebookRepr, Plain):
 
 
 def _axes(definition: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
-    together = _together(definition)
+    joint = _joint_keys(definition)
     return {
-        label: tuple(range(values)) if label == DRAW else tuple(map(tuple, values) if label in together else values)
+        label: tuple(range(values)) if label == DRAW else tuple(map(tuple, values) if label in joint else values)
         for label, values in definition["axes"].items()
     }
 
 
-def _together(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+def _joint_keys(definition: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """Label -> keys that vary together, except where their values have names: a name is one value."""
     vary = definition["vary"]
     return {own["label"]: tuple(own["key"]) for own in vary if len(own["key"]) > 1 and not own.get("names")}

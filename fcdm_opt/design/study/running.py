@@ -83,7 +83,7 @@ def run_study(
         workers(engine, jobs, scheduler, limit=study.time_limit) as answers,
     ):
         run = StudyRun(study, store)
-        end = pacing.clock() + pacing.left()
+        end = pacing.clock() + pacing.remaining()
         with pacing.unlimited(), closing(answers(run.asked())) as rows:  # what is begun is brought to its end
             for answer in rows:
                 run.answered(answer)

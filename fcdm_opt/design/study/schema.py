@@ -19,7 +19,7 @@ Key = Annotated[str, Field(min_length=1)]
 Sampling = Literal["latin hypercube", "random"]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"  # the name of the dialect: nothing is asked there
 KINDS = ("problem", "study", "assembly", "result")
-WAYS = ("values", "grid", "uniform", "normal", "csv")
+SOURCES = ("values", "grid", "uniform", "normal", "csv")
 
 # "from" and "yield" are words of Python, so that no class body can name such a field
 GridEntry = create_model(
@@ -78,7 +78,7 @@ class CsvEntry(Entry, title="Measured values", json_schema_extra=one_of(("column
         return self
 
 
-class VaryEntry(Entry, title="What varies", json_schema_extra=one_of(*((way,) for way in WAYS))):
+class VaryEntry(Entry, title="What varies", json_schema_extra=one_of(*((source,) for source in SOURCES))):
     """One variable of a study: which key takes which values."""
 
     key: Key | Annotated[list[Key], Field(min_length=1)] = declared(
@@ -119,9 +119,9 @@ class VaryEntry(Entry, title="What varies", json_schema_extra=one_of(*((way,) fo
 
     @model_validator(mode="after")
     def _exactly_one_key(self) -> Self:
-        given = [way for way in WAYS if getattr(self, way) is not None]
+        given = [source for source in SOURCES if getattr(self, source) is not None]
         if len(given) != 1:
-            allowed = f"exactly one of {', '.join(WAYS)}"
+            allowed = f"exactly one of {', '.join(SOURCES)}"
             raise refusal("the values are not given once", found=", ".join(given) or "none", allowed=allowed)
         return self
 

@@ -246,7 +246,7 @@ class Study:
             "cases": [[question.drawn().scene.key, question.case] for question in self.questions],
             "vary": [variable.to_dict() for variable in self.variables],
             "files": self._files,
-            **{key: getattr(self, key) for key in (*_TOLD, "parameters", "derive")},
+            **{key: getattr(self, key) for key in (*_SETTINGS, "parameters", "derive")},
         }
         return digest(canonical(followed))
 
@@ -279,7 +279,7 @@ class Study:
         axes = {
             label: plain_value(list(values)) if label != "draw" else len(values) for label, values in self.axes.items()
         }
-        keys = ("title", "note", *_TOLD, "budget")
+        keys = ("title", "note", *_SETTINGS, "budget")
         return {
             **({"unit": self.unit} if self.unit else {}),
             **{key: plain_value(getattr(self, key)) for key in keys},
@@ -314,12 +314,12 @@ class Study:
             case = canonical({key: value for key, value in question.case.items() if key != "name"})
             scene = question.scene.key
         except InputError as reason:
-            told = canonical({"version": __version__, "study": self.key, "values": values})
-            return StudyPoint(number, digest(told), values, None, str(reason))
+            text = canonical({"version": __version__, "study": self.key, "values": values})
+            return StudyPoint(number, digest(text), values, None, str(reason))
         certify = "true" if self.certify else "false"
         how = f'"certify":{certify},"effort":"{self.effort}"'
-        told = f'{{"case":{case},{how},"scene":"{scene}","version":"{__version__}"}}'
-        return StudyPoint(number, digest(told), values, question)
+        text = f'{{"case":{case},{how},"scene":"{scene}","version":"{__version__}"}}'
+        return StudyPoint(number, digest(text), values, question)
 
     def _chosen(self, number: int) -> tuple[Question, dict[Variable, int]]:
         """Return the case of a point, and which value each variable takes there."""
@@ -358,7 +358,7 @@ class Study:
         return base.changed(places)
 
 
-_TOLD = ("sampling", "count", "seed", "certify", "effort", "time_limit")
+_SETTINGS = ("sampling", "count", "seed", "certify", "effort", "time_limit")
 
 
 def _questions(problem: Any) -> tuple[Question, ...]:

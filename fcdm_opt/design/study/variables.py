@@ -126,8 +126,8 @@ def variable_of(entry: Any, where: str, folder: Path) -> Variable:
     """Return the variable of a [[vary]] table; `folder` is where paths in it start."""
     keys = (entry.key,) if isinstance(entry.key, str) else tuple(entry.key)
     try:
-        way, values = _values(entry, keys, folder)
-        return Variable(keys, values, entry.label or "", entry.names or (), where, f"{where}.{way}")
+        source, values = _values(entry, keys, folder)
+        return Variable(keys, values, entry.label or "", entry.names or (), where, f"{where}.{source}")
     except InputError as reason:
         if reason.file is not None or (reason.key or "").startswith(where):
             raise
@@ -340,9 +340,9 @@ class Derivation:
             if name in formulas:
                 raise InputError("it follows from others and cannot vary", key=key, found=formulas[name].text)
             known_word(name, numbers, "no such parameter", key=key)
-        spare = parameters.keys() - {name for _, formula in used for name in formula.names}
-        if spare:
-            name = min(spare, key=list(parameters).index)
+        unused = parameters.keys() - {name for _, formula in used for name in formula.names}
+        if unused:
+            name = min(unused, key=list(parameters).index)
             raise InputError("nothing uses this parameter", key=f"parameters.{name}", allowed="an expression with it")
         try:
             graph = {name: formula.names for name, formula in formulas.items()}

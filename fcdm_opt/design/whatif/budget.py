@@ -241,8 +241,8 @@ class Budgets(Mapping[str, Budget]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data."""
-        told = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
-        return plain({**told, "requirements": self.each})
+        data = {"limit": self.limit, "shape": self.shape, "largest": self.largest, "tolerance": self.tolerance}
+        return plain({**data, "requirements": self.each})
 
     @property
     def open_text(self) -> str:
@@ -379,7 +379,7 @@ def _shape_of_sizes(problem: Scene, scale: bool) -> tuple[Array, float, tuple[st
             usual = CORNERS[2:4]
         elif rows:
             moving = Resizing.of(body, [problem.sizes[k] for k in rows])
-            most = min(most, STAYS * moving.reach(*shape[rows].T)[0])
+            most = min(most, STAYS * moving.valid_up_to(*shape[rows].T)[0])
             usual = CORNERS[2:4] if moving.inclined() else usual
     return shape, most, usual
 

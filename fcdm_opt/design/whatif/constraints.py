@@ -130,8 +130,8 @@ def _contact(problem: Problem, k: int, feature: Feature) -> Constraint:
     """Return one of several contacts that are restored together, from 1; without it, it may stay open."""
 
     def changed(problem: Problem, by: float) -> Problem:
-        left = [own.label for own in problem.contacts if own != feature]
-        return problem.changed(contacts=left) if left else problem.changed(goal="clear")
+        remaining = [own.label for own in problem.contacts if own != feature]
+        return problem.changed(contacts=remaining) if remaining else problem.changed(goal="clear")
 
     def excess(solution: Solution, certificate: Certificate) -> float:
         if problem.goal == FIT:
@@ -242,8 +242,8 @@ class PlainMotion(Plain):
         motion: dict[str, Any] = {"status": None, "usable": False, "amount": None, "parameters": {}}
         if self.solution is not None:
             motion = {name: plain(getattr(self.solution, name)) for name in motion}
-        told = super().to_dict()
-        return {**told, **motion, **told}
+        data = super().to_dict()
+        return {**data, **motion, **data}
 
 
 def scene_of(asked: Scene | Bounded) -> Any:

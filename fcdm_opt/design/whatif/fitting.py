@@ -31,7 +31,7 @@ from fcdm_opt.tolerances import DEFAULT
 
 ACCURACY = 1e-4  # relative, of the tolerance: more digits than are shown
 BEYOND = 1e-3  # relative: so far beyond what widths allow a motion is looked for
-TOLD = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
+MOST_SECONDS = 60.0  # seconds that another question may take, which is asked only to say why there is no motion
 ADVICE = 2.0  # times the solve that all of them may take for one answer, within `pacing.ADVISED`
 NO_TIME = 1e-9  # seconds
 FAR = 4.0  # times a clearance that lacks, up to where a shift is looked for that leaves it
@@ -123,7 +123,7 @@ def clearance_within(problem: Problem, far: float) -> float:
     """
     limits = {own.name: np.clip(own.limits, -far / own.weight, far / own.weight) for own in problem.coordinates}
     near = problem.changed(limits={name: tuple(ends.tolist()) for name, ends in limits.items()})
-    with pacing.within(TOLD):
+    with pacing.within(MOST_SECONDS):
         if problem.goal != "clear" or not problem.clearance > 0.0 or pacing.in_time(has_motion, near, late=True):
             return 0.0
         return pacing.in_time(largest_clearance, near, late=Kept()).clearance
@@ -131,7 +131,7 @@ def clearance_within(problem: Problem, far: float) -> float:
 
 def quick_answer(scene: Scene, **changes: Any) -> Any:
     """Return the answer to a question that is changed, None where the time does not last."""
-    with pacing.within(TOLD):
+    with pacing.within(MOST_SECONDS):
         return pacing.in_time(partial(solve, effort="quick"), scene.changed(**changes), late=None)
 
 
@@ -397,7 +397,7 @@ def order(problem: Scene, made: str = "") -> tuple[Order, str]:
         return Order.ANY, UNKNOWN
     changes = problem.target - problem.nominal_pair
     grows, shrinks = bool((changes >= 0).all()), bool((changes <= 0).all())
-    alone = not problem.keep_out and problem.pair == "any"
+    single = not problem.keep_out and problem.pair == "any"
     if problem.resolution is not None:
         return Order.ANY, "rounding to steps of the machine"
     if isinstance(problem.amount, str) and problem.amount == "displacement":
@@ -406,18 +406,18 @@ def order(problem: Scene, made: str = "") -> tuple[Order, str]:
         if problem.motion.shifts and _has_most_material(problem):  # the length that weighs turns may follow sizes
             return Order.FROM_ZERO, "faces only move outwards: a motion that clears larger parts clears smaller ones"
         drawn_within = all(low <= 0.0 <= high for low, high in (size.tolerance or (0.0, 0.0) for size in problem.sizes))
-        loosest = (made or problem.request["made"]) == "loosest" and alone and bool((problem.target == 1.0).all())
+        loosest = (made or problem.request["made"]) == "loosest" and single and bool((problem.target == 1.0).all())
         if loosest and drawn_within:  # else the largest gap within may be less than as drawn
             need = problem.clearance - problem.contact_slack
             if float(problem.changed(made=None).curve.gap(problem.target)) >= need:  # all as drawn
                 return Order.ALL_OR_NONE, "clear as drawn, and sizes with more play need no motion either"
     if by_name(problem):
         return Order.ANY, UNKNOWN
-    if problem.goal == "beyond" and alone:
+    if problem.goal == "beyond" and single:
         return Order.FROM_ZERO, "a motion beyond a larger tolerance is beyond every smaller one"
     weighted = problem.amount == "weighted"
     rest = bool(((problem.limits[:, 0] <= 0) & (problem.limits[:, 1] >= 0)).all())
-    if problem.goal == "at" and alone and weighted and rest and _is_linear(problem):
+    if problem.goal == "at" and single and weighted and rest and _is_linear(problem):
         return Order.FROM_ZERO, "a linear program in translations and tolerance: its least amount is convex"
     parts = *problem.movable.parts, *problem.static.parts  # that all hold the seed: smaller bodies lie within larger
     if problem.goal not in ("clear", "touch") or not all(map(holds_seed, parts)):
@@ -426,7 +426,7 @@ def order(problem: Scene, made: str = "") -> tuple[Order, str]:
         return Order.FROM_ZERO, "star-shaped bodies only grow: a motion that clears them clears smaller ones"
     if problem.goal == "clear" and problem.pair != "touch" and shrinks:
         return Order.ALL_OR_NONE, "star-shaped bodies only shrink: a motion that clears them clears smaller ones"
-    if problem.goal == "touch" and alone and weighted and rest and (grows or shrinks):
+    if problem.goal == "touch" and single and weighted and rest and (grows or shrinks):
         gap = float(problem.curve.gap(problem.nominal_pair))
         if abs(gap) <= problem.contact_slack or (gap > 0) == shrinks:
             return (

@@ -173,7 +173,7 @@ class ClashSearch:
             self.kept.append(frozenset(name for name, value in passed.items() if value == 0.0))
         return solution
 
-    def alone(self, names: Names) -> Bounded:
+    def answer(self, names: Names) -> Bounded:
         """Return the answer with these constraints alone."""
         if names not in self._asked:
             self._asked[names] = self.solved(without(self.problem, self.names - names))
@@ -189,7 +189,7 @@ class ClashSearch:
                 return True
             if not found.status.found:  # else a smaller one may do
                 self._asked[names] = found
-        return self.meets(self.alone(names))
+        return self.meets(self.answer(names))
 
     def smallest(self, whole: Bounded) -> tuple[list[Clash], bool]:
         """Return the smallest clashes, and whether these are all.
@@ -249,7 +249,7 @@ class ClashSearch:
     def _clashes(self, clashing: list[Names]) -> list[Clash]:
         made = []
         for names in clashing:
-            found = self.alone(names)
+            found = self.answer(names)
             status, why = found.status, () if found.status.found else violated(found.question)
             listed = [self.chosen[max(parts, key=len)] for chain in self.chains
                       if (parts := [level for level in chain if level <= names])]  # fmt: skip
@@ -278,7 +278,7 @@ class ClashSearch:
     def least_relaxation(self, constraint: Constraint) -> LeastRelaxation:
         """Return the least relaxation of a constraint, all others kept, with what the motion then goes through."""
         name, inside = constraint.name, self.inside
-        dropped = self.alone(self.names - {name} - {other.name for other in self.constraints if other.includes == name})
+        dropped = self.answer(self.names - {name} - {own.name for own in self.constraints if own.includes == name})
         self.inside = inside or dropped.usable
         found = self._relaxation(constraint, dropped)
         self.inside = inside

@@ -53,7 +53,7 @@ class Prediction(Plain):
 
 BY_SIZE, IN_WORDS = ("scales", "made"), ("name", "unit")  # arguments of an assembly: with derivatives, and only shown
 
-Told = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
+Terms = Iterator[tuple[str, float, str]]  # name of a term, its value, the reason where it is nan or doubtful
 
 
 def prediction(before: Any, problem: Any) -> Prediction:
@@ -64,16 +64,16 @@ def prediction(before: Any, problem: Any) -> Prediction:
         return Prediction(amount=NAN, reasons=(why,))
     several = isinstance(before, AssemblySolution)
     discrete = [] if several else [*_discrete(before.question, problem)]
-    told = discrete
+    found = discrete
     if not discrete:  # else the derivatives need not be worked out
-        told = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
+        found = [*(_of_assembly(before, problem) if several else _changes(before, problem))]
         blocking = "; ".join(why for why in before.sensitivity.reasons if not why.startswith(HARMLESS))
-        if told and blocking:
-            told = [(name, NAN, blocking) for name, _, _ in told]
-    terms = {name: term for name, term, _ in told}
+        if found and blocking:
+            found = [(name, NAN, blocking) for name, _, _ in found]
+    terms = {name: term for name, term, _ in found}
     amount = _of_motion(before, problem) if terms and not discrete else None
     amount = before.amount + sum(terms.values()) if amount is None else amount
-    reasons = dict.fromkeys(reason for _, _, reason in told if reason)
+    reasons = dict.fromkeys(reason for _, _, reason in found if reason)
     if terms and amount < -DEFAULT.tie * problem.size:
         reasons["below zero, as no amount is: the derivatives hold for smaller changes only"] = None
     return Prediction(amount=amount, terms=terms, reasons=tuple(reasons))
@@ -97,7 +97,7 @@ def _of_motion(before: Any, new: Any) -> float | None:
     return None if np.isnan(amount) else amount
 
 
-def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
+def _of_assembly(before: AssemblySolution, new: Assembly) -> Terms:
     """Yield what changed scales and sizes of an assembly add to the amount; by all else there is no derivative."""
     old, rates = before.assembly, before.sensitivity
     for key, value in new.request.items():
@@ -109,7 +109,7 @@ def _of_assembly(before: AssemblySolution, new: Assembly) -> Told:
             yield from _term(f"{key}.{name}", known[name], was[name], now[name])
 
 
-def _discrete(old: Problem, new: Problem) -> Told:
+def _discrete(old: Problem, new: Problem) -> Terms:
     """Yield changes that no derivative speaks of."""
     for name in DISCRETE:
         one, two = getattr(old, name), getattr(new, name)
@@ -131,7 +131,7 @@ def _discrete(old: Problem, new: Problem) -> Told:
                 yield f"keep_out {one.name!r} scale", NAN, "no derivative by the scale of a keep-out"
 
 
-def _changes(before: Solution, new: Problem) -> Told:
+def _changes(before: Solution, new: Problem) -> Terms:
     old, rates = before.problem, before.sensitivity
     yield from _pair(old, new, rates)
     if old.amount == "weighted":  # of the length as well
@@ -150,7 +150,7 @@ def _changes(before: Solution, new: Problem) -> Told:
         yield from _body(key, one_body, two_body, rates)
 
 
-def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
+def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Terms:
     """Yield what a changed target pair adds: by tolerance and nominal scales, else by the target itself."""
     # a nominal switching point that moves with the geometry is in the derivatives by the geometry
     if old.requirement is None or new.requirement is None:
@@ -166,7 +166,7 @@ def _pair(old: Problem, new: Problem, rates: Sensitivity) -> Told:
     yield from _term("nominal", rates.nominal, old.nominal_pair, new.nominal_pair)
 
 
-def _limits(before: Solution, new: Problem) -> Told:
+def _limits(before: Solution, new: Problem) -> Terms:
     for k, (name, (lower, upper)) in enumerate(before.sensitivity.limits.items()):
         held, ends = before.problem.limits[k], new.limits[k]
         if held[0] == held[1]:
@@ -189,7 +189,7 @@ def _limits(before: Solution, new: Problem) -> Told:
                 yield label, 0.0, ""
 
 
-def _freed(name: str, rate: float, moves: Array) -> Told:
+def _freed(name: str, rate: float, moves: Array) -> Terms:
     """Yield what it adds that a parameter held at one value may be in a range about it: its best end, if it has one."""
     # equal limits are one datum, with one derivative
     if not moves.any():
@@ -201,7 +201,7 @@ def _freed(name: str, rate: float, moves: Array) -> Told:
         yield label, best, f"no derivative by {label} there" if np.isnan(best) else ""
 
 
-def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
+def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Terms:
     """Yield what a changed body adds: by its vertices, or the shifts of its faces, and by its seed."""
     name = key.strip()
     if old is new:
@@ -218,7 +218,7 @@ def _body(key: str, old: Body, new: Body, rates: Sensitivity) -> Told:
     yield f"{name} {by}", change, reason if np.isnan(change) else ""
 
 
-def _term(name: str, rates: Any, old: Any, new: Any) -> Told:
+def _term(name: str, rates: Any, old: Any, new: Any) -> Terms:
     """Yield derivatives times changes, of which those that are zero need no derivative; nothing where all are."""
     changes = np.ravel(np.subtract(new, old))
     used = changes != 0
@@ -305,11 +305,11 @@ class WhatIf(Plain, NotebookRepr):
         before = number_text(self.before.amount) if self.before.usable else "none"
         after = measured(self.after.amount, self.after.amount_unit) if self.after.usable else "none"
         amounts = "no amount before or after" if before == after == "none" else f"amount {before} -> {after}"
-        told = f"predicted {number_text(self.predicted_amount)}"
+        predicted = f"predicted {number_text(self.predicted_amount)}"
         if np.isnan(self.predicted_amount):
-            told = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
+            predicted = "not predicted: " + ("; ".join(self.prediction.reasons) or "no amount before")
         ended = self.after.status.words if self.after.usable else barred_text(self.after)
-        changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({told}), {ended}"
+        changed = f"{', '.join(self.changed) or 'nothing'} changed: {amounts} ({predicted}), {ended}"
         return "; ".join(filter(None, [changed, self.unchanged_text, *beyond_tolerances(self.after.question)]))
 
     @property
@@ -380,11 +380,11 @@ def _differences(before: Any, after: Any) -> Iterator[Difference]:
         if one is None or two is None or abs(one - two) * weights[name] > floor:
             yield Difference(f"parameters.{name}", one, two)
     for name in ("amount", "lower_bound", "pair_gap"):
-        was_told, now_told = (plain(getattr(told, name, None)) for told in (before, after))
-        tied = isinstance(was_told, float) and isinstance(now_told, float) and abs(was_told - now_told) <= floor
-        if was_told != now_told and not tied:  # infinity is a word
-            yield Difference(name, was_told, now_told)
+        old_value, new_value = (plain(getattr(own, name, None)) for own in (before, after))
+        tied = isinstance(old_value, float) and isinstance(new_value, float) and abs(old_value - new_value) <= floor
+        if old_value != new_value and not tied:  # infinity is a word
+            yield Difference(name, old_value, new_value)
     for name in ("status", "usable", "pair_state", "pair", "features", "active"):
-        was, now = (plain(getattr(told, name, None)) for told in (before, after))
+        was, now = (plain(getattr(own, name, None)) for own in (before, after))
         if was != now:
             yield Difference(name, was, now)

@@ -32,7 +32,7 @@ from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show import in_scheme, inline_svg, texts
 from fcdm_opt.show.album import solution_pieces
 from fcdm_opt.show.plots import tolerance_box, window
-from fcdm_opt.show.remarks import GoodNews, left_out, remarks
+from fcdm_opt.show.remarks import GoodNews, not_considered, remarks
 from fcdm_opt.show.report.families import FACTORS, motion_family, target_at, tolerance_family
 from fcdm_opt.show.report.frames import Frames, scene
 from fcdm_opt.show.scene import ScenePieces
@@ -165,7 +165,7 @@ def stack_report(scene: Scene, *, of: tuple[str, str] | None = None, name: str =
 
 
 UNREMARKABLE = ("SOLVED", "ALREADY_SATISFIED")  # statuses whose advice says no more than the answer
-MOST_TOLD = 4  # data without a derivative that are named
+MOST_NAMED = 4  # data without a derivative that are named
 ANSWERED = (
     "status", "outside", "motion", "verdict", "outcome", "amount_unit", "least", "amount", "lower_bound",
     "doubt", "pair_state", "usable",
@@ -182,7 +182,7 @@ def case_report(problem: Problem, case: SolvedCase, *, name: str, frames: float)
     solution = case.solution
     grounds = {
         "bodies": _bodies(solution.problem),
-        "left_out": left_out(solution),
+        "left_out": not_considered(solution),
         "certificate": finite(solution.certificate),
         "evidence": _evidence(solution),
         "sensitivities": _sensitivities(solution),
@@ -219,12 +219,12 @@ def answered(solution: Solution) -> dict[str, Any]:
 def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
     solution = case.solution
     every = [text for text in remarks(solution) if text not in beyond_tolerances(problem)]
-    said = [text for text in every if not isinstance(text, GoodNews)]
+    noted = [text for text in every if not isinstance(text, GoodNews)]
     published = {"motion": problem.published_text, "amount": finite(case.published_amount)}
     units = {"translation": problem.unit or "length", "rotation": "rad"}
     shown = texts.parameter_texts(problem, solution.parameters)
     values = texts.telling(problem, list(solution.parameters.values()), texts.NOTHING)
-    told = zip(problem.motion.parameters, values, shown, strict=False)  # none without a motion
+    parameters = zip(problem.motion.parameters, values, shown, strict=False)  # none without a motion
     return {
         **{key: getattr(problem, key) for key in ("name", "unit", "goal")},
         "asked": texts.asked_text(problem),
@@ -234,8 +234,8 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "extents": _extents(problem, solution),
         "fit": fit_text(problem),
         "beyond": beyond_stack(problem),
-        "told": [*([] if solution.status.name in UNREMARKABLE else [texts.advised(case)]), *said],
-        "settled": [text for text in every if text not in said],
+        "told": [*([] if solution.status.name in UNREMARKABLE else [texts.advised(case)]), *noted],
+        "settled": [text for text in every if text not in noted],
         **answered(solution),
         **{
             key: finite(getattr(solution, key))
@@ -244,7 +244,7 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
         "published": published if problem.published_text or problem.published is not None else None,
         "touch_amount": finite(case.touch_amount),
         "parameters": [
-            {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in told
+            {"name": name, "value": x, "unit": units[kind], "shown": text} for (name, kind), x, text in parameters
         ],
         "features": [feature.label for feature in solution.features],
         "sha256": digest(canonical(problem.to_dict())),
@@ -253,14 +253,14 @@ def _answer(problem: Problem, case: SolvedCase) -> dict[str, Any]:
 
 def _extents(problem: Problem, solution: Solution) -> list[list[str]]:
     """Return of each part its name, its lengths along the axes as drawn and as made, and by which factors they grew."""
-    told = []
+    rows = []
     made = problem.movable, problem.static
     for k, (body, drawn_body) in enumerate(zip(made, drawn_bodies(problem), strict=True)):
         was, now = np.ptp(drawn_body.vertices, axis=0), np.ptp(body.vertices, axis=0) * solution.pair[k]
         *lengths, factors = (" x ".join(f"{x:.6g}" for x in own.tolist()) for own in (was, now, now / was))
         alike = set(factors.split(" x "))
-        told.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
-    return told
+        rows.append([name_of(problem, k), *lengths, factors if len(alike) > 1 else alike.pop()])
+    return rows
 
 
 def _bodies(problem: Problem) -> list[dict[str, Any]]:
@@ -296,7 +296,7 @@ def _evidence(solution: Solution) -> dict[str, Any] | None:
         covers += f": no motion of up to {least} does" if least else ": no motion at all does"
         if least and solution.status.name == "INFEASIBLE":
             checked, covers = None, f"{covers}; that none at all does is shown by a closed form"
-    return {"bound": finite(bound), "text": evidence.told, "checked": checked, "covers": covers if proof else "no"}
+    return {"bound": finite(bound), "text": evidence.text, "checked": checked, "covers": covers if proof else "no"}
 
 
 def _sensitivities(solution: Solution) -> dict[str, Any] | None:
@@ -317,7 +317,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     elif not known:
         text = "nothing nearby changes the amount"
     if none:
-        names = texts.listed([bar.name for bar in none]) if len(none) <= MOST_TOLD else f"{len(none)} data"
+        names = texts.listed([bar.name for bar in none]) if len(none) <= MOST_NAMED else f"{len(none)} data"
         text += f"; no derivative by {names}"
     return {"bars": [finite(bar._asdict()) for bar in known], "text": text, "most": most}
 
@@ -380,10 +380,10 @@ def _poses(frames: Frames, problem: Problem, solution: Solution) -> dict[str, An
     if solution.usable:
         corrected = frames.solved(solution, "the parts made, after the motion")
         if solution.rho is not None and (abs(solution.rho / solution.pair - 1.0) > DEFAULT.requirement).any():
-            told = {key: corrected[key] for key in ("motion", "parameters")}
+            more = {key: corrected[key] for key in ("motion", "parameters")}
             note = "at the scales of the tracked contact, after the motion"
             at = solution.rho, solution.transform, solution.rho
-            tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **told)
+            tracked = frames.frame(*at, target=solution.pair, amount=solution.amount, note=note, **more)
     made = problem.movable.scaled(problem.target[0]), problem.static.scaled(problem.target[1])
     overlap = pacing.in_time(Touching.overlap, *made, late=None)
     known = {} if corrected else {"amount": None, "status": texts.outcome_text(solution)}

@@ -166,9 +166,9 @@ def _coarse_to_fine(values: Sequence[float]) -> Iterator[float]:
     """Yield the value as asked and both ends, then always the one farthest from all before."""
     chosen = [AS_ASKED, values[0], values[-1]]
     yield from chosen
-    left = [value for value in values if value not in chosen]
-    while left:
-        farthest = max(left, key=lambda value: (round(min(abs(value - before) for before in chosen), 9), -value))
-        left.remove(farthest)
+    remaining = [value for value in values if value not in chosen]
+    while remaining:
+        farthest = max(remaining, key=lambda value: (round(min(abs(value - before) for before in chosen), 9), -value))
+        remaining.remove(farthest)
         chosen.append(farthest)
         yield farthest

@@ -21,7 +21,7 @@ from fcdm_opt.curve.segments import Box, middle
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import IDENTITY, Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.plain import drawn
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.problem import TRACKING, Problem
@@ -92,7 +92,7 @@ class Frames:
         gap: float | None = None,
         target: Array | None = None,
         note: str = "",
-        **told: Any,
+        **more: Any,
     ) -> dict[str, Any]:
         """Return a frame of bodies shown at some scales, (2,), with a pose change of body 1, (4, 4), None at rest.
 
@@ -119,7 +119,7 @@ class Frames:
             "amount": drawn(amount),
             "pair_gap": drawn(0.0 if abs(gap) <= NOTHING * self._problem.size else gap),
             "pair_state": state,
-            **{"status": None, "usable": None, "motion": "none", "parameters": [], **told},
+            **{"status": None, "usable": None, "motion": "none", "parameters": [], **more},
             "note": "; ".join(filter(None, (note, LATE * pacing.over(), self._lost(curve, rho)))),
         }
 
@@ -263,7 +263,7 @@ def _shape(body: Body, element: Element) -> dict[str, Any]:
         triangles = _triangles(rows, face_polygons(body, element))
     else:
         _rows(rows, body.vertices[np.array(element.vertices) - 1])
-    name = f"{told_element(body, element).partition(' (facing')[0]} of {body.name or 'a part'}"
+    name = f"{element_text(body, element).partition(' (facing')[0]} of {body.name or 'a part'}"
     return {"kind": element.kind, "points": drawn(list(rows)), "triangles": triangles, "name": name}
 
 

@@ -31,7 +31,7 @@ SHARED = ("nominal", "tolerance", "goal", "pair", "clearance", "path")
 SOLVED = 0.6  # share of a case's time, where that is limited; the rest is for its pictures
 DRAWN = 0.6  # share of what is left then for what may be left out; the rest is for what is drawn in any case
 AMPLE = 4.0  # seconds: with less of a time limit left there is no frame but the answer's own
-BESIDE = 1.0  # seconds for a requirement that the file does not ask for
+SIDE_SECONDS = 1.0  # seconds for a requirement that the file does not ask for
 
 LOADED = "casadi", "matplotlib.backends.backend_agg", "matplotlib.figure", "scipy.optimize"
 """What every case needs: loaded before processes copy this one, as what cases of the same bodies share is known."""
@@ -56,19 +56,19 @@ def gather(
     """
     files = list(files)
     asked = [problem for file in files for problem in file.problems]
-    together = process_pool.cores(len(asked))
+    workers = process_pool.cores(len(asked))
 
     def case(number: int) -> dict[str, Any]:
-        problem, part = asked[number], min(1.0, together / (len(asked) - number))
+        problem, part = asked[number], min(1.0, workers / (len(asked) - number))
         with pacing.working_on(f"case {problem.name}"), pacing.sharing(part):
-            if number >= together:  # those before are drawn whatever the time is
+            if number >= workers:  # those before are drawn whatever the time is
                 pacing.check()
             with pacing.sharing(SOLVED):
                 proved = certify and not problem.partial  # of large meshes the checker takes long
                 solved = solved_case(problem, certify=proved)
             pacing.at("drawing")
             share = frames_of(problem, len(asked)) if frames is None else frames
-            share = share if pacing.left() > AMPLE else -1.0
+            share = share if pacing.remaining() > AMPLE else -1.0
             with pacing.sharing(DRAWN), pacing.telling(), pacing.part_of("drawing"):
                 return case_report(problem, solved, name=f"case-{number}", frames=share)
 
@@ -132,12 +132,12 @@ def answered_in_turn(
                 if interrupted and not found:
                     raise
                 late = "late", InputError("left out: interrupted")
-                kind, told = late if isinstance(reason, KeyboardInterrupt) else pacing.failure(reason)
+                kind, error = late if isinstance(reason, KeyboardInterrupt) else pacing.failure(reason)
                 failures.add(kind)
-                met = told.within(file=file.path.name, key=f"case {problem.name!r}")
+                met = error.within(file=file.path.name, key=f"case {problem.name!r}")
                 errors.append(str(met))
                 if refuse:
-                    refuse(met.with_traceback(told.__traceback__))
+                    refuse(met.with_traceback(error.__traceback__))
         heads.append({**head(file), "cases": list(range(first, len(found)))})
         if errors:
             heads[-1] |= {"error": "\n".join(errors), "failures": sorted(failures)}
@@ -155,9 +155,9 @@ def matrices(problems: Sequence[Problem], cases: Sequence[dict[str, Any]], first
     for number, problem in enumerate(problems, first):
         if problem.requirement is None:
             continue
-        told = problem.to_dict()
-        case = told["case"][0] | {"goal": problem.goal, "pair": problem.pair}  # by default, too
-        question = told["bodies"], told.get("keep_out"), [case.get(key) for key in SHARED]
+        data = problem.to_dict()
+        case = data["case"][0] | {"goal": problem.goal, "pair": problem.pair}  # by default, too
+        question = data["bodies"], data.get("keep_out"), [case.get(key) for key in SHARED]
         letter = problem.requirement
         cells = next((cells for other, _, cells in tables if other == question and letter not in cells), None)
         if cells is None:
@@ -187,14 +187,14 @@ def _missing(leading: Problem, letter: str) -> dict[str, Any]:
         return {**empty, "note": pacing.stopped()}
     try:
         asked = leading.changed(requirement=letter, name="", published=None, published_text="")
-        solution = solve(asked, effort="quick", time=BESIDE)
+        solution = solve(asked, effort="quick", time=SIDE_SECONDS)
     except (InputError, pacing.TimeOverError) as reason:
         return {**empty, "note": f"{note}; {reason}"}
     return _cell(None, answered(solution), "", note=f"{note}; {solution.stopped}" if solution.stopped else note)
 
 
-def _cell(case: int | None, told: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
-    return {"case": case, **{key: told[key] for key in ANSWERED}, "published": published or None, "note": note}
+def _cell(case: int | None, answer: dict[str, Any], published: str, *, note: str = "") -> dict[str, Any]:
+    return {"case": case, **{key: answer[key] for key in ANSWERED}, "published": published or None, "note": note}
 
 
 def _digest(path: Path) -> str | None:
@@ -217,10 +217,10 @@ def _meshes(path: Path) -> list[str]:
 
 def head(file: Any) -> dict[str, Any]:
     """Return what a report says of a file as read: name, title, note, SHA-256, its meshes, what is wrong with it."""
-    told = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
-    told["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
-    told["sizes_left"] = commented_out_sizes(file.path)
-    return {**told, "error": file.error} if file.error else told
+    entry = {"file": file.path.name, "title": file.title, "note": file.note, "sha256": _digest(file.path)}
+    entry["meshes"] = [{"file": name, "sha256": _digest(file.path.parent / name)} for name in _meshes(file.path)]
+    entry["sizes_left"] = commented_out_sizes(file.path)
+    return {**entry, "error": file.error} if file.error else entry
 
 
 def made() -> dict[str, str]:

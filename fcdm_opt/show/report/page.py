@@ -10,7 +10,7 @@ import numpy as np
 
 from fcdm_opt.design.study.results import DRAW, StudyResult
 from fcdm_opt.design.whatif.fitting import barred_text
-from fcdm_opt.geometry.naming import told_element
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.geometry.units import floored
 from fcdm_opt.plain import finite
 from fcdm_opt.problem.assembled import AssemblySolution
@@ -197,7 +197,7 @@ def _touching(solution: Solution) -> str:
     """Return what touches, in words; of the solution's own bodies, which may be exact at points of round faces."""
     one, two = solution.problem.movable, solution.problem.static
     features = with_whole_faces(solution.problem, solution.features, solution.transform)
-    pairs = ((told_element(one, own.one), told_element(two, own.two)) for own in features)
+    pairs = ((element_text(one, own.one), element_text(two, own.two)) for own in features)
     return "; ".join(dict.fromkeys(f"{mine} at {its}" for mine, its in pairs)) or "-"
 
 
@@ -232,7 +232,7 @@ def study_page(result: StudyResult) -> str:
         },
         title=result.definition.get("title") or "Study",
         note=result.definition.get("note"),
-        summary=[(name.capitalize(), *told) for name, *told in texts.study_facts(result)],
+        summary=[(name.capitalize(), *row) for name, *row in texts.study_facts(result)],
         unanswered=unanswered.values(),
         picture=inline_svg(study_figure(result), "picture"),
         varied=[_varied(label, values) for label, values in result.axes.items()],
@@ -270,17 +270,17 @@ def _columns(result: StudyResult, rows: Sequence[Mapping[str, Any]]) -> tuple[li
 
 def _varied(label: str, values: Sequence[Any]) -> tuple[str, str, str]:
     """Return what was varied, how many values it took, and which: of a grid its ends."""
-    told, count = axis_text(label), str(len(values))
+    text, count = axis_text(label), str(len(values))
     if label == DRAW:
         return "parts drawn at random", count, "from the distributions in the definition below"
     if len(values) > FEW and all(type(value) in (int, float) for value in values) and [*values] == sorted(values):
-        return told, count, f"{texts.shown(values[0])} to {texts.shown(values[-1])}"
+        return text, count, f"{texts.shown(values[0])} to {texts.shown(values[-1])}"
     some = [
         f"({texts.shown(value)})" if isinstance(value, list | tuple) else texts.shown(value)
         for value in values[:MOST_VALUES]
     ]
     more = f" and {len(values) - MOST_VALUES} more" if len(values) > MOST_VALUES else ""
-    return told, count, ", ".join(some) + more
+    return text, count, ", ".join(some) + more
 
 
 def _cell(name: str, value: Any) -> str:
