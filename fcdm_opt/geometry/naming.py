@@ -332,33 +332,34 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
         rows = free[by_axis[k]]
         for group in _evenly_bent(body.vertices, pairs[rows], ends[rows], tops[:, rows], axes[k]):
             cylinders.append(_cylinder(body, [facets[j] for j in group.tolist()], normals))
-    places = {face: k for k, face in enumerate(facets)}
-    for rounds in (cylinders, None):
-        if rounds is None:
-            free = np.flatnonzero((owner[pairs] < 0).all(axis=1))
-            rounds = _cones(body, facets, normals, pairs[free], ends[free])
-        for each in sorted(filter(None, rounds), key=lambda each: -len(each.faces)):
+    places, middles = {face: k for k, face in enumerate(facets)}, np.empty((len(facets), 3))
+    for rows, corners in by_size(facets):
+        middles[rows] = body.vertices[corners - 1].mean(axis=1)
+    known = {face for own in found for face in own.faces}
+    for cones in (False, True):
+        free = np.flatnonzero((owner[pairs] < 0).all(axis=1))
+        rounds = _cones(body, facets, normals, pairs[free], ends[free]) if cones else filter(None, cylinders)
+        for each in sorted(rounds, key=lambda own: -len(own.faces)):
             group = np.array([places[face] for face in each.faces])
             group = group[owner[group] < 0]
             if len(group) < FEWEST or _goes_on(body.vertices, each.surface, group, pairs, ends, bends):
                 continue
-            group = _whole(body, facets, each.surface, group, pairs[(owner[pairs] < 0).all(axis=1)])
-            own = each._replace(faces=[facets[j] for j in group.tolist()])
-            cut = [face for face in _cut_off(body, own, normals) if owner[places.get(face, group[0])] < 0]
-            owner[[*group.tolist(), *(places[face] for face in cut if face in places)]] = len(found)
-            found.append(own._replace(faces=[*own.faces, *cut]))
+            group = _whole(body, facets, each.surface, group, pairs[(owner[pairs] < 0).all(axis=1)], middles)
+            whole = each._replace(faces=[facets[j] for j in group.tolist()])
+            whole.faces.extend([face for face in _cut_off(body, whole, normals) if face not in known])
+            owner[[places[face] for face in whole.faces if face in places]] = len(found)
+            known.update(whole.faces)
+            found.append(whole)
     return found
 
 
-def _whole(body: Body, facets: list[Label], surface: Swept, group: Ints, pairs: Ints) -> Ints:
+def _whole(body: Body, facets: list[Label], surface: Swept, group: Ints, pairs: Ints, middles: Array) -> Ints:
     """Return facets of a surface with those that go on from them: on it too, and in chords as long."""
-    corners = body.vertices[np.array([(face * MANY)[:MANY] for face in facets]) - 1]
-    off, short = np.empty(len(facets)), np.empty(len(facets))
-    off = np.abs(surface.misses(corners.reshape(-1, 3))[0]).reshape(-1, MANY).max(axis=1)
-    middles = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in facets])
+    near = np.abs(surface.misses(body.vertices)[0]) <= ROUND * body.size
     short = np.abs(surface.misses(middles)[0])
-    on = (off <= ROUND * body.size) & (short >= (1.0 - EVENLY) * short[group].min())
-    on &= short <= (1.0 + EVENLY) * short[group].max()
+    on = (short >= (1.0 - EVENLY) * short[group].min()) & (short <= (1.0 + EVENLY) * short[group].max())
+    for rows, corners in by_size(facets):
+        on[rows] &= near[corners - 1].all(axis=1)
     on[group] = True
     joined = components(pairs[on[pairs].all(axis=1)], len(facets))
     return np.flatnonzero(on & np.isin(joined, joined[group]))
