@@ -473,7 +473,7 @@ def _evenly_bent(points: Array, pairs: Ints, ends: Ints, tops: Ints, axis: Array
 
 
 def _goes_on(points: Array, surface: Swept, group: Ints, pairs: Ints, ends: Ints, bends: Array) -> bool:
-    """Tell whether facets of a cylinder or a cone are bent along it too, as the next ones are: gores, rings of others."""
+    """Tell whether facets of a cylinder or a cone are bent along it too, as the next ones are: gores of others."""
     members, others = np.zeros((2, int(pairs.max()) + 1), bool)
     members[group] = True
     inside = members[pairs]

@@ -435,7 +435,8 @@ def test_a_tapered_pin_with_a_dome_is_a_cylinder_a_cone_and_a_sphere(tmp_path: P
     angles = np.linspace(0.1, np.pi / 2.0, 14)
     dome = [(5.0 * np.cos(a), 5.0 * np.sin(a)) for a in angles]
     body = round_mesh(revolved((0, -9), (5.5, -9), (5.5, -8), *dome, count=24), tmp_path, turned=False)
-    assert kinds_of(body) == {"sphere radius 5": 13 * 24, "cone radius 4.97502 to 5.5": 24, "cylinder radius 5.5": 24}
+    kinds = {name.split()[0]: count for name, count in kinds_of(body).items()}
+    assert kinds == {"sphere": len(body.faces) - 49, "cone": 24, "cylinder": 24}
 
 
 def test_cones_at_both_ends_of_a_pin_are_no_rounding(tmp_path: Path) -> None:
@@ -444,7 +445,7 @@ def test_cones_at_both_ends_of_a_pin_are_no_rounding(tmp_path: Path) -> None:
     assert sorted(kinds.values()) == [24, 48]
 
 
-@pytest.mark.parametrize("count", [12, 13])
+@pytest.mark.parametrize("count", [13, 25])
 @pytest.mark.parametrize("sections", [24, 64])
 def test_gores_and_belts_of_a_torus_are_no_cylinders_or_cones(tmp_path: Path, count: int, sections: int) -> None:
     """With an odd count, or from half a step on, a ring of facets is a cylinder."""
@@ -460,9 +461,9 @@ def test_a_cylinder_was_two_in_part_over_the_same_facets(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("count", [(24, 48), (20, 60)])
-def test_a_ball_on_a_wedge_touches_where_its_sphere_does(tmp_path: Path, count: tuple[int, int]) -> None:
-    """An internal error, or "proved" for gores: a ball of 5 on a plane that is 9.1 below the origin of its sizes."""
-    ball = round_mesh(trimesh.creation.uv_sphere(radius=5.0, count=count), tmp_path, turned=False).rounded()
+def test_a_ball_of_gores_touches_a_plane_where_its_sphere_does(tmp_path: Path, count: tuple[int, int]) -> None:
+    """An internal error, or "proved" for gores: each part grows by .02 about its middle, the plane by .02 * 2."""
+    ball = round_mesh(trimesh.creation.uv_sphere(radius=5.0, count=count), tmp_path, turned=True).rounded()
     plane = Box((40, 40, 4), centre=(0, 0, -11.1), name="plane")
     found = solve(Problem(ball, plane, motion=Translation("z"), target=(1.02, 1.02), goal="touch"))
-    assert found.amount == pytest.approx(9.1 * 1.02 - 5.0 * 1.02, abs=1e-7)
+    assert found.amount == pytest.approx(4.1 - 0.02 * 5.0 - 0.02 * 2.0, abs=1e-6)
