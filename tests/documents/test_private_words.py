@@ -19,8 +19,8 @@ INSTEAD = {
     "heard": "has_listeners", "spare": "unused, exclude",
 }  # fmt: skip
 MOST = {
-    "alone": 25, "beside": 56, "hands": 1, "host": 9, "left": 97, "outline": 12, "outlines": 10, "reach": 51, "said":
-    13, "seat": 37, "skin": 3, "spare": 7, "standing": 6, "together": 20, "told": 167, "way": 130, "ways": 102,
+    "alone": 25, "beside": 56, "hands": 1, "host": 9, "left": 96, "outline": 12, "outlines": 10, "reach": 51, "said":
+    13, "seat": 37, "skin": 3, "spare": 7, "standing": 6, "together": 20, "told": 167, "way": 130, "ways": 100,
 }  # fmt: skip
 
 
