@@ -14,7 +14,7 @@ import numpy as np
 from fcdm_opt.geometry.arrays import Array, Ints, equal_pairs, groups_of
 from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.measures import cross, norms
+from fcdm_opt.geometry.measures import cross, dots, norms, units
 from fcdm_opt.geometry.polygons import by_size, components, distances
 from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 from fcdm_opt.tolerances import DEFAULT
@@ -309,7 +309,7 @@ def _plane(body: Body, normals: dict[Label, Array], least: int) -> dict[Label, s
 
 
 def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
-    """Return the facets that lie side by side around one axis, or a point."""
+    """Return the facets that lie side by side on a sphere, around one axis, or about an apex: each on one of these."""
     facets = sorted(face for face in normals if len(face) < MANY)
     looks = np.array([normals[face] for face in facets])
     pairs, ends = neighbours(facets)
@@ -317,22 +317,52 @@ def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
         return []
     turn = (looks[pairs[:, 0]] * looks[pairs[:, 1]]).sum(axis=1)
     smooth = (turn > GENTLE) & (turn < 1.0 - ROUND)
-    pairs, ends = pairs[smooth], ends[smooth]
-    ways = body.vertices[ends[:, 1]] - body.vertices[ends[:, 0]]
-    ways /= norms(ways)[:, None]
-    ways *= np.sign(np.take_along_axis(ways, np.abs(ways).argmax(axis=1)[:, None], axis=1))
-    axes, own, counts = np.unique(np.round(ways / ROUND), axis=0, return_inverse=True, return_counts=True)
-    groups = [(None, group) for group in side_by_side(pairs, BALL)]
-    by_axis = groups_of(own.reshape(-1))
+    pairs, ends, turn = pairs[smooth], ends[smooth], np.arccos(turn[smooth])
+    tops, depths = _tops(body.vertices, facets, pairs, ends)
+    rise = dots(looks[pairs[:, 0]], body.vertices[tops[1]] - body.vertices[ends[:, 0]])
+    bends = np.sign(rise) * turn / depths.sum(axis=0)
+    owner = np.full(len(facets), -1)
+    found = _spheres(body, facets, looks, pairs, ends, tops, owner)
+    free = np.flatnonzero((owner[pairs] < 0).all(axis=1))
+    directions = units(body.vertices[ends[:, 1]] - body.vertices[ends[:, 0]])
+    directions *= np.sign(np.take_along_axis(directions, np.abs(directions).argmax(axis=1)[:, None], axis=1))
+    axes, own, counts = np.unique(np.round(directions[free] / ROUND), axis=0, return_inverse=True, return_counts=True)
+    by_axis, cylinders = groups_of(own.reshape(-1)), list[Round | None]()
     for k in np.flatnonzero(counts >= FEWEST - 1).tolist():
-        along = _evenly_bent(body.vertices, facets, pairs[by_axis[k]], ends[by_axis[k]], axes[k])
-        groups += [(axes[k], group) for group in along]
-    rounds = [([facets[k] for k in group.tolist()], axis) for axis, group in groups]
-    found = [each for faces, axis in rounds if (each := _radius(body, faces, normals, axis)) is not None]
-    found = [own._replace(faces=[*own.faces, *_cut_off(body, own, normals)]) for own in found]
-    known = {face for each in found for face in each.faces}
-    left = ~np.isin(pairs, [k for k, face in enumerate(facets) if face in known]).any(axis=1)
-    return found + _cones(body, facets, normals, pairs[left], ends[left])
+        rows = free[by_axis[k]]
+        for group in _evenly_bent(body.vertices, pairs[rows], ends[rows], tops[:, rows], axes[k]):
+            cylinders.append(_cylinder(body, [facets[j] for j in group.tolist()], normals))
+    places, middles = {face: k for k, face in enumerate(facets)}, np.empty((len(facets), 3))
+    for rows, corners in by_size(facets):
+        middles[rows] = body.vertices[corners - 1].mean(axis=1)
+    known = {face for own in found for face in own.faces}
+    for cones in (False, True):
+        free = np.flatnonzero((owner[pairs] < 0).all(axis=1))
+        rounds = _cones(body, facets, normals, pairs[free], ends[free]) if cones else filter(None, cylinders)
+        for each in sorted(rounds, key=lambda own: -len(own.faces)):
+            group = np.array([places[face] for face in each.faces])
+            group = group[owner[group] < 0]
+            if len(group) < FEWEST or _goes_on(body.vertices, each.surface, group, pairs, ends, bends):
+                continue
+            group = _whole(body, facets, each.surface, group, pairs[(owner[pairs] < 0).all(axis=1)], middles)
+            whole = each._replace(faces=[facets[j] for j in group.tolist()])
+            whole.faces.extend([face for face in _cut_off(body, whole, normals) if face not in known])
+            owner[[places[face] for face in whole.faces if face in places]] = len(found)
+            known.update(whole.faces)
+            found.append(whole)
+    return found
+
+
+def _whole(body: Body, facets: list[Label], surface: Swept, group: Ints, pairs: Ints, middles: Array) -> Ints:
+    """Return facets of a surface with those that go on from them: on it too, and in chords as long."""
+    near = np.abs(surface.misses(body.vertices)[0]) <= ROUND * body.size
+    short = np.abs(surface.misses(middles)[0])
+    on = (short >= (1.0 - EVENLY) * short[group].min()) & (short <= (1.0 + EVENLY) * short[group].max())
+    for rows, corners in by_size(facets):
+        on[rows] &= near[corners - 1].all(axis=1)
+    on[group] = True
+    joined = components(pairs[on[pairs].all(axis=1)], len(facets))
+    return np.flatnonzero(on & np.isin(joined, joined[group]))
 
 
 def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]:
@@ -359,22 +389,109 @@ def _cut_off(body: Body, own: Round, normals: dict[Label, Array]) -> list[Label]
     return found
 
 
-def _evenly_bent(points: Array, facets: list[Label], pairs: Ints, ends: Ints, axis: Array) -> list[Ints]:
+def _tops(points: Array, facets: list[Label], pairs: Ints, ends: Ints) -> tuple[Ints, Array]:
+    """Return the rows of the corners of either of two facets farthest from their common edge, and how far: (2, m)."""
+    start, along = points[ends[:, 0]], units(points[ends[:, 1]] - points[ends[:, 0]])
+    tops, depths = np.empty(2 * len(pairs), np.int64), np.empty(2 * len(pairs))
+    for places, corners in by_size([facets[k] for k in pairs.T.reshape(-1).tolist()]):
+        pair, rows = places % len(pairs), np.arange(len(places))
+        away = norms(cross(points[corners - 1] - start[pair, None], along[pair, None]))
+        far = away.argmax(axis=1)
+        tops[places], depths[places] = corners[rows, far] - 1, away[rows, far]
+    return tops.reshape(2, -1), depths.reshape(2, -1)
+
+
+def _spheres(
+    body: Body, facets: list[Label], looks: Array, pairs: Ints, ends: Ints, tops: Ints, owner: Ints
+) -> list[Round]:
+    """Return the spheres that corners of facets side by side lie on, and number these in `owner`."""
+    # each two facets tell one; of those that most tell alike, all facets there that are on it. Where it is cut off,
+    # corners lie on edges of its facets: no farther out, and in planes no nearer to its centre than theirs
+    points, found = body.vertices, list[Round]()
+    corners = np.array([(face * MANY)[:MANY] for face in facets]) - 1
+    start = points[ends[:, 0]]
+    spokes = np.stack([points[rows] - start for rows in (ends[:, 1], *tops)], axis=1)
+    arms = np.linalg.solve(spokes, (spokes**2).sum(axis=2, keepdims=True) / 2.0)[..., 0]
+    keys = np.round(np.column_stack([start + arms, norms(arms)]) / (ROUND * body.size))
+    own, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)[1:]
+    groups = groups_of(own.reshape(-1))
+    for k in sorted(np.flatnonzero(counts >= FEWEST).tolist(), key=lambda k: -counts[k]):
+        some = np.unique(pairs[groups[k]])
+        some = some[owner[some] < 0]
+        if len(some) < FEWEST or not _all_ways(looks[some]):
+            continue  # a cylinder or a cone: two of its rings lie on a sphere too
+        centre, radius, spread = _about(points[np.unique(corners[some])])
+        if spread > ROUND * radius:
+            continue
+        away, heights = norms(points - centre)[corners], dots(looks, points[corners[:, 0]] - centre)
+        on = (np.abs(away - radius) <= ROUND * radius).all(axis=1) & (owner < 0)
+        on &= np.abs(heights) >= STEEP * radius
+        for core in side_by_side(pairs[on[pairs].all(axis=1)], BALL):
+            if (owner[core] >= 0).any() or not _all_ways(looks[core]):
+                continue
+            outward, least = heights[core[0]] > 0.0, np.abs(heights[core]).min()
+            within = (away <= (1.0 + ROUND) * radius).all(axis=1) & (np.abs(heights) >= least - ROUND * radius)
+            within &= (owner < 0) & ((heights > 0.0) == outward)
+            if not within[core].all():
+                continue
+            (group,) = (own for own in side_by_side(pairs[within[pairs].all(axis=1)], BALL) if core[0] in own)
+            owner[group] = len(found)
+            middle, size, off = _about(points[np.unique(corners[core])])
+            surface = Swept(middle, np.array((0.0, 0.0, 1.0)), None, 0.0, size)
+            name = f"{ROUND_KINDS[2 if outward else 3]} radius {radius_text(size, off)}"
+            found.append(Round(name, surface, [facets[j] for j in group.tolist()]))
+    return found
+
+
+def _all_ways(looks: Array) -> bool:
+    """Tell whether normals differ along every direction, as on a sphere."""
+    spread = np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1]
+    return bool(spread[-1] >= WHOLLY * np.sqrt(len(looks)))
+
+
+def _about(points: Array) -> tuple[Array, float, float]:
+    """Return centre and radius of the sphere, or circle, nearest to points, and how far these are off it at most."""
+    # |x - c|^2 = r^2, linear in c and r^2 - c^2
+    found = np.linalg.lstsq(np.column_stack([2.0 * points, np.ones(len(points))]), (points**2).sum(axis=1))[0]
+    off = np.linalg.norm(points - found[:-1], axis=1)
+    radius = float(off.mean())
+    return found[:-1], radius, float(np.abs(off - radius).max())
+
+
+def _evenly_bent(points: Array, pairs: Ints, ends: Ints, tops: Ints, axis: Array) -> list[Ints]:
     """Return the groups of facets along an axis that are side by side and bent alike."""
     # of those that meet, (m, 2), in rows of points. A plane that goes on where a round face ends, tangent to it, turns
     # against the last facet by half as much as that against the next
     flat = np.linalg.svd(axis[None])[2][1:].T
-    middles, arms = np.repeat(points[ends[:, 0]] @ flat, 2, axis=0), np.empty((2 * len(pairs), 2))
-    for places, corners in by_size([facets[k] for k in pairs.reshape(-1).tolist()]):
-        away = points[corners - 1] @ flat - middles[places][:, None]
-        arms[places] = away[np.arange(len(away)), (away * away).sum(axis=2).argmax(axis=1)]
-    u, v = arms[::2], arms[1::2]
+    u, v = (points[tops] - points[ends[:, 0]]) @ flat
     sides = np.prod([np.sqrt((own * own).sum(axis=1)) for own in (u, v, u - v)], axis=0)
     bends = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / sides  # half of that of the circle through all three
     one, two = np.hstack([np.empty((2, 0), np.int64), *equal_pairs(pairs.T.reshape(-1))]) % len(pairs)
     alike = np.abs(bends[one] - bends[two]) <= EVENLY * bends[one]
     groups = groups_of(components(np.column_stack([one, two])[alike], len(pairs)))
     return [own for own in (np.unique(pairs[group]) for group in groups) if len(own) >= FEWEST]
+
+
+def _goes_on(points: Array, surface: Swept, group: Ints, pairs: Ints, ends: Ints, bends: Array) -> bool:
+    """Tell whether facets of a cylinder or a cone are bent along it too, as the next ones are: gores of others."""
+    members, others = np.zeros((2, int(pairs.max()) + 1), bool)
+    members[group] = True
+    inside = members[pairs]
+    rows = np.flatnonzero(inside[:, 0] != inside[:, 1])
+    start, end = points[ends[rows, 0]], points[ends[rows, 1]]
+    rows = rows[np.abs(dots(units(end - start), surface.ruling(start))) < STEEP]
+    own, beyond = pairs[rows][inside[rows]], pairs[rows][~inside[rows]]
+    others[beyond] = True
+    further = np.flatnonzero(others[pairs].any(axis=1) & ~inside.any(axis=1))
+    one, two = np.hstack(
+        [np.empty((2, 0), np.int64), *equal_pairs(np.concatenate([beyond, pairs[further].T.reshape(-1)]))]
+    )
+    one, two = (each[(one < len(rows)) & (two >= len(rows))] for each in (one, two))
+    this, that = rows[one], np.tile(further, 2)[two - len(rows)]
+    alike = np.abs(bends[this] - bends[that]) <= EVENLY * np.abs(bends[this])
+    alike &= (ends[this][:, :, None] != ends[that][:, None]).all(axis=(1, 2))  # at the opposite side of the next one
+    both = np.count_nonzero(np.bincount(own[np.unique(one[alike])]) > 1)  # ends of a facet
+    return bool(both > max(np.count_nonzero(np.bincount(own) > 1) / 2.0, len(group) / 4.0))
 
 
 def _cones(body: Body, facets: list[Label], normals: dict[Label, Array], pairs: Ints, ends: Ints) -> list[Round]:
@@ -460,41 +577,19 @@ def side_by_side(pairs: Ints, fewest: int) -> list[Ints]:
     return [some[group] for group in groups_of(components(places.reshape(-1, 2), len(some))) if len(group) >= fewest]
 
 
-def _radius(body: Body, faces: list[Label], normals: dict[Label, Array], axis: Array | None) -> Round | None:
-    """Return what facets around an axis, or a point, are: None where corners between them are not as far from it."""
+def _cylinder(body: Body, faces: list[Label], normals: dict[Label, Array]) -> Round | None:
+    """Return what facets around an axis are: None where corners between them are not as far from it."""
     shared = Counter(v for face in faces for v in face)
-    own = {*shared}
-    if axis is None:  # where a sphere is cut off, corners lie on its facets' edges
-        rim = {v for face in {*body.faces} - {*faces} for v in face}
-        own = own - rim if len(own - rim) >= MANY else own
-    else:  # a flat may cut a cylinder off within its last facets
-        own = {v for v in own if shared[v] > 1}
-    corners = body.vertices[np.array(sorted(own)) - 1]
-    looks = np.array([normals[face] for face in faces])
-    if axis is None and np.linalg.svd(looks - looks.mean(axis=0), full_matrices=False)[1][-1] < WHOLLY * np.sqrt(
-        len(faces)
-    ):
-        return None  # a cylinder or a cone: two of its rings lie on a sphere too
-    flat = np.eye(3) if axis is None else np.linalg.svd(looks, full_matrices=False)[2][:2]
-    points = corners @ flat.T
-    # |x - c|^2 = r^2, linear in c and r^2 - c^2
-    found = np.linalg.lstsq(np.column_stack([2.0 * points, np.ones(len(points))]), (points**2).sum(axis=1))[0]
-    centre = found[:-1]
-    off = np.linalg.norm(points - centre, axis=1)
-    radius = float(off.mean())
-    if (spread := float(np.abs(off - radius).max())) > ROUND * radius:
+    own = {v for v in shared if shared[v] > 1}  # a flat may cut a cylinder off within its last facets
+    flat = np.linalg.svd(np.array([normals[face] for face in faces]), full_matrices=False)[2][:2]
+    points = body.vertices @ flat.T
+    centre, radius, spread = _about(points[np.array(sorted(own)) - 1])
+    if spread > ROUND * radius:
         return None
-    if axis is None:
-        arms = np.array([body.vertices[np.array(face) - 1].mean(axis=0) for face in faces]) - centre
-        if (np.abs((arms * looks).sum(axis=1)) < STEEP * np.linalg.norm(arms, axis=1)).any():
-            return None
-    else:
-        near = np.abs(np.linalg.norm(body.vertices @ flat.T - centre, axis=1) - radius) <= ROUND * radius
-        faces = [face for face in faces if near[np.array(face) - 1].all()]
-    outward = {normals[face] @ flat.T @ (body.vertices[face[0] - 1] @ flat.T - centre) > 0.0 for face in faces}
+    near = np.abs(np.linalg.norm(points - centre, axis=1) - radius) <= ROUND * radius
+    faces = [face for face in faces if near[np.array(face) - 1].all()]
+    outward = {normals[face] @ flat.T @ (points[face[0] - 1] - centre) > 0.0 for face in faces}
     if len(outward) != 1:
         return None
-    kinds = ROUND_KINDS[2:4] if axis is None else ROUND_KINDS[:2]
-    along = np.array((0.0, 0.0, 1.0)) if axis is None else np.cross(*flat)
-    surface = Swept(centre @ flat, along, None if axis is None else (1.0, 0.0), 0.0, radius)
-    return Round(f"{kinds[0] if True in outward else kinds[1]} radius {radius_text(radius, spread)}", surface, faces)
+    surface = Swept(centre @ flat, np.cross(*flat), (1.0, 0.0), 0.0, radius)
+    return Round(f"{ROUND_KINDS[True not in outward]} radius {radius_text(radius, spread)}", surface, faces)
