@@ -200,11 +200,11 @@ def touching_features(movable: Body, static: Body, pose: Array, rho: Array, slac
 def distinct_on_true_faces(features: Sequence[Feature], movable: Body, static: Body) -> Sequence[Feature]:
     """Return features of which none is another one's on the true faces; all where no body is made exact on these."""
     # there an edge of a facet, and the piece that makes the facet exact, are one round face; and whether a face touches
-    # it or an edge of that face is up to rounding
+    # it or an edge of that face is up to rounding. Of two edges there that are nearly parallel, no point is sure
     if movable.exact is None and static.exact is None:
         return features
     met, kept = {own: true_faces_met(own, movable, static) for own in features}, list[Feature]()
-    for own in sorted(features, key=lambda own: sum(map(len, met[own]))):
+    for own in sorted(features, key=lambda own: (sum(map(len, met[own])), own.kind == "E1E2")):
         if not any(met[other][0] <= met[own][0] and met[other][1] <= met[own][1] for other in kept):
             kept.append(own)
     return [own for own in features if own in kept]

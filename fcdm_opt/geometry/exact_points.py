@@ -48,7 +48,7 @@ def exact_at(body: Body, points: Array) -> Body | None:
     for point in np.asarray(points, float).reshape(-1, 3):
         next_to = float(norms(known - point).min(initial=np.inf))
         far = min(next_to, norms(drawn - point).min()) > DEFAULT.tie * body.size
-        if far and (own := _pieces(body, NARROWER * next_to, *point.tolist())):
+        if far and (own := _pieces(body, NARROWER * max(next_to, SMALL * body.size), *point.tolist())):
             pieces += own
             known = np.concatenate([known, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()

@@ -251,6 +251,39 @@ def test_a_relaxation_that_cures_nothing_alone_is_told_so():
         assert "cures nothing alone" in str(least[name])
 
 
+def test_a_keep_out_that_clashes_whatever_its_clearance_is_named_where_motions_leave_the_fit() -> None:
+    """A blade in its pocket needs TX >= -.1, a rib TX <= -.25; one through the pocket counted as kept."""
+    blade = fo.Box((8, 6, 30), centre=(0.5, -0.3, 10), name="blade")
+    block = fo.Box((30, 30, 15), centre=(0, 0, 7.5))
+    pocket = fo.cut(block, fo.Box((8.3, 6.2, 20), centre=(0, 0, 7.5)), name="pocket")
+    rib = KeepOut(fo.Box((4, 10, 4), centre=(5.8, 0, 20), name="rib"), clearance=0.05)
+    more = {"goal": "clear", "clearance": 0.05, "motion": X >> Y, "target": (1, 1)}
+    found = conflicts(Problem(blade, pocket, keep_out=[rib], **more))
+    assert found.complete
+    assert sets(found) == {frozenset({"keep-out 'rib'"})}
+    assert math.isinf(relaxations(found)["keep-out 'rib'"].by)
+    assert relaxations(found)["keep-out 'rib'"].amount == pytest.approx(math.hypot(0.4, 0.25), rel=1e-9)
+    near = KeepOut(fo.Box((4, 10, 4), centre=(5.93, 0, 20), name="rib"), clearance=0.05)
+    found = conflicts(Problem(blade, pocket, keep_out=[near], **more))  # TX <= -.62: either clearance by .02 less
+    assert sets(found) == {frozenset({"keep-out 'rib': clearance", "clearance"})}
+    assert [own.by for own in found.relaxations] == pytest.approx([0.02, 0.02], abs=1e-6)
+
+
+def test_a_keep_out_is_offered_where_its_clearance_cures_nothing() -> None:
+    """A fin at a plate: |TX| >= .12, with its clearance .16; within limits .15, and with clearance in its slot .1."""
+    part = Body.from_parts([CUBE.vertices, [*product((-0.05, 0.05), (-1, 1), (1, 2))]])
+    slot = Body.from_parts([[*product(own, (-1, 1), (-1, 1))] for own in ((-3, -1.2), (1.2, 3))])
+    plate = KeepOut(box((-0.07, -1, 1.5), (0.07, 1, 3), "A"), clearance=0.04)
+    more = {"goal": "clear", "clearance": 0.1, "target": (1, 1), "motion": X, "limits": {"TX": (-0.15, 0.15)}}
+    found = conflicts(Problem(part, slot, keep_out=[plate], **more))
+    assert sets(found) == {frozenset({"keep-out 'A': clearance", "lower limit of TX", "upper limit of TX"})}
+    least = relaxations(found)
+    assert least["keep-out 'A'"].cures
+    assert least["keep-out 'A'"].amount == 0.0
+    assert not least["keep-out 'A': clearance"].cures
+    assert "(at 0: impossible)" in str(least["keep-out 'A': clearance"])
+
+
 def test_a_limit_that_rest_is_beyond_is_relaxed_by_halving():
     a = box((-0.75, -1, -1), (9, 1, 1), "A")  # free for TX <= -1.75
     asked = clear(a, limits={"TX": (-1, -0.5)})

@@ -1240,3 +1240,30 @@ def test_a_shaft_that_a_key_divides_had_each_facet_on_three_cylinders(tmp_path: 
     assert len(every) == len({*every}) > 0
     assert sorted(float(own.radius) for own, _ in body.surfaces) == [10.0, 15.0]
     assert true_faces(body).is_round.sum() == 2
+
+
+def test_a_disc_is_clear_of_two_pins_of_which_one_came_out_larger() -> None:
+    """It moves along the normal of the larger one, or to where both touch; the facets' answer was refused."""
+    high = math.sqrt(217.0)
+    disc = fo.Cylinder(15.0, 10.0, base=(0, high, 0), name="disc")
+    pins = [fo.Cylinder(4.0, 14.0, base=(x, 0, -2)) for x in (-12, 12)]
+    nest = fo.joined(fo.Box((60, 6, 14), centre=(0, -6, 5)), *pins, name="nest")
+    faces = [{"around": [*at, 0.0], "axis": "z", "radius": radius} for *at, radius in ((0, high, 15), (-12, 0, 4))]
+    sizes = [
+        fo.Size(name, role, faces=[face], each=0.5, tolerance=0.1)
+        for name, role, face in zip(("disc", "left"), ("movable", "static"), faces, strict=True)
+    ]
+    for made in ({"left": 0.06}, {"disc": 0.1, "left": 0.06}):
+        larger, smaller = (19.0 + (made.get("disc", 0.0) + own) / 2.0 for own in (0.06, 0.0))
+        x = (larger**2 - smaller**2) / 48.0
+        both = math.hypot(x, math.sqrt(larger**2 - (x + 12.0) ** 2) - high)
+        problem = fo.Problem(disc, nest, sizes=sizes, made=made, goal="clear", motion=X >> Y, unit="mm")
+        found = usable(problem)
+        assert found.amount == pytest.approx(both if "disc" in made else 0.03, rel=1e-7)
+        assert found.lower_bound >= found.amount * (1.0 - 1e-2)
+    found = usable(problem.changed(goal="touch"))
+    assert "the cylinder of radius 4.03 no. 1 and the cylinder of radius 4 no. 2 of nest" in str(found)
+    square = problem.changed(made={"disc": 0.1}, goal="touch")
+    assert "radius 4 no. 1 and the cylinder of radius 4 no. 2 of nest" in str(usable(square))
+    alike = problem.changed(goal="at", contacts="all")
+    assert "the cylinder of radius 4.03 no. 1 and the cylinder of radius 4 no. 2 of nest" in str(usable(alike))

@@ -43,7 +43,7 @@ class Conflicts(Plain):
     # empty says that the motion alone cannot do it
     clashes: tuple[Clash, ...]
     complete: bool  # whether these are all of that size, and none is smaller
-    relaxations: tuple[LeastRelaxation, ...] = ()  # one for each constraint of the clashes
+    relaxations: tuple[LeastRelaxation, ...] = ()  # of each constraint of the clashes, or what it includes
     # how much less the parts made may be off nominal: `value` is the largest share found of the deviation asked for
     # that can be made good, all constraints kept; 0 where that is only none of it, nan where not even that. Sampled: a
     # larger deviation can be easier
@@ -159,8 +159,12 @@ def conflicts(
             clashes = [pacing.in_time(search.certified, clash, late=clash) for clash in clashes]
         members = dict.fromkeys(name for clash in clashes for name in clash.names)
         by_name = {one.name: one for one in search.constraints}
-        least = (pacing.in_time(search.least_relaxation, by_name[name], late=None) for name in members if relax)
-        relaxations = tuple(filter(None, least))
+        relaxations, asked = list[LeastRelaxation](), [*members] if relax else []
+        for name in asked:
+            least, weaker = pacing.in_time(search.least_relaxation, by_name[name], late=None), by_name[name].includes
+            relaxations += filter(None, [least])
+            if least and weaker and not least.cures and weaker not in asked:  # as a keep-out, not its clearance
+                asked.append(weaker)
         share, trials = pacing.in_time(search.largest_deviation, late=None) if deviation else None, list[Trial]()
         change = deviation and isinstance(scene, Problem)
         sizes = pacing.in_time(mending_sizes, scene, late={}) if change else {}
@@ -173,7 +177,7 @@ def conflicts(
         reason=verdict(scene) or unlike_steps(scene) or whole.reason,
         clashes=tuple(clashes),
         complete=complete,
-        relaxations=relaxations,
+        relaxations=tuple(relaxations),
         deviation=share,
         sizes={name: value for name, value in sizes.items() if math.isfinite(value)},
         trials=tuple(trials),

@@ -144,7 +144,7 @@ class ClashSearch:
         return solution.usable if self.inside else solution.verified
 
     def __init__(self, problem: Any) -> None:
-        self.problem, self.inside = problem, False
+        self.problem, self.inside = problem, True  # a whole question that has only motions out of the fit keeps none
         self.constraints = constraints(problem)
         self.names: Names = frozenset(one.name for one in self.constraints)
         self.solves = 0
@@ -294,7 +294,7 @@ class ClashSearch:
         common = LeastRelaxation(name=name, cures=self.meets(dropped), unit=constraint.unit, solution=dropped)
         if not self.meets(dropped):
             impossible = math.inf if dropped.status is Status.INFEASIBLE else math.nan
-            note = f"without it: {dropped.status.words}"
+            note = f"{'at 0' if math.isfinite(constraint.most) else 'without it'}: {dropped.status.words}"
             return replace(common, failing=math.inf, impossible=impossible, note=note, solution=None)
         if not constraint.unit:
             missed = excesses(self.problem, dropped)[name]
