@@ -281,7 +281,7 @@ def _circumradius(points):
 
 
 # ----------------------------------------------------------------------------------------------------- claimed contacts
-# A host: vertices of the part of body 1 and of body 2, from the seeds; rows of both elements; the direction, as rows of
+# A carrier: vertices of the parts of body 1 and 2, from the seeds; rows of both elements; the direction, as rows of
 # either part, 3 and none, none and 3, or 2 and 2, and its sign.
 
 

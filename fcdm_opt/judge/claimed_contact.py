@@ -112,7 +112,7 @@ class Claim:
         return float(min(errors))
 
     def _signed(self, carrier: _Carrier, scaled: ScaledPair, rho: Array, transform: Array) -> _Carrier:
-        """Return the host with its contact normal at this pose."""
+        """Return the carrier with its contact normal at this pose."""
         if carrier.sign != UNKNOWN:
             return carrier
         if self.feature.kind == "E1E2":
@@ -123,7 +123,7 @@ class Claim:
 
     @staticmethod
     def _separated(carrier: _Carrier, scaled: ScaledPair, rho: Array, transform: Array) -> _Carrier:
-        """Return the host with the direction at its elements in which its parts are farthest apart as normal."""
+        """Return the carrier with the direction at its elements in which its parts are farthest apart as normal."""
         return carrier.towards(scaled.best_direction(rho, transform, carrier.parts, (carrier.first, carrier.second)))
 
     @property
