@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, fields
+from dataclasses import KW_ONLY, MISSING, fields
 from enum import Enum
 from functools import cached_property
 from types import UnionType
@@ -46,9 +46,10 @@ class Plain:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild what told all its fields; raises `InputError` for anything else."""
-        kinds = get_type_hints(cls)
+        kinds, every = get_type_hints(cls), fields(cls)  # type: ignore[arg-type]
+        names = [item.name for item in every if item.name in (cls.plain_names or kinds) or item.default is MISSING]
         try:
-            return cls(**{item.name: _read(kinds[item.name], data[item.name]) for item in fields(cls)})  # type: ignore[arg-type]
+            return cls(**{name: _read(kinds[name], data[name]) for name in names})
         except InputError:
             raise
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as reason:
