@@ -701,6 +701,14 @@ def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
         ('parts = ["pad", "plate"]', 'bodies = ["pad", "plate"]', "'bodies', did you mean 'parts'?"),
         ("made = {", "sizes = {", "'sizes', did you mean 'made'?"),
         ("tolerance = 0.03", "tol = 0.03", "'tol', did you mean 'tolerance'?"),
+        ("made = {", 'goal = "clear"\nmade = {', "unknown key 'goal': a key of [[contact]]; found 'clear'"),
+        (
+            "made = {",
+            "clearance = 0.1\nmade = {",
+            "unknown key 'clearance': a key of [[contact]] and [[keep_out]]; found 0.1",
+        ),
+        ("made = {", 'motion = [{ translation = "z" }]\nmade = {', "unknown key 'motion': a key of [[part]]"),
+        ("tolerance = 0.03", "tolerance = 0.03\nmade = 1", "unknown key 'made': a key of [[case]]"),
     ],
 )
 def test_a_key_of_another_table_names_the_right_one(tmp_path, right: str, wrong: str, hint: str) -> None:
@@ -710,6 +718,21 @@ def test_a_key_of_another_table_names_the_right_one(tmp_path, right: str, wrong:
     (tmp_path / "a.toml").write_text(text.replace(right, wrong), "utf-8")
     with pytest.raises(fo.InputError, match=re.escape(hint)):
         fo.load_assemblies(tmp_path / "a.toml")
+
+
+def test_an_open_gap_is_said_to_be_one(tmp_path) -> None:
+    """A lid drawn .25 above its pad has no contact to restore: it is to be kept clear, and the gap is the answer."""
+    plate, lid = fo.Box((4, 4, 1), centre=(0, 0, 0.5), name="plate"), fo.Box((2, 2, 1), centre=(0, 0, 1.75), name="lid")
+    asked = {"parts": [plate, lid], "motions": {"lid": fo.Translation("z")}, "unit": "mm"}
+    with pytest.raises(fo.InputError) as caught:
+        fo.Assembly(**asked, contacts=[("lid", "plate")])
+    said = str(caught.value)
+    assert caught.value.key == "contacts[1] 'lid - plate'.nominal"
+    assert 'lid and plate are 0.25 mm apart as drawn: write goal = "clear", in a file of an assembly under this' in said
+    assert not re.search(r"\d\.\d{10}", said)
+    clear = {"parts": ("lid", "plate"), "goal": "clear"}
+    thick = fo.Size("thick", "lid", faces="-z", tolerance=0.1)
+    assert fo.stack_up(fo.Assembly(**asked, contacts=[clear], sizes=[thick])).gap({}) == pytest.approx(0.25)
 
 
 def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:
