@@ -722,17 +722,19 @@ def test_a_key_of_another_table_names_the_right_one(tmp_path, right: str, wrong:
 
 def test_an_open_gap_is_said_to_be_one(tmp_path) -> None:
     """A lid drawn .25 above its pad has no contact to restore: it is to be kept clear, and the gap is the answer."""
-    plate, lid = fo.Box((4, 4, 1), centre=(0, 0, 0.5), name="plate"), fo.Box((2, 2, 1), centre=(0, 0, 1.75), name="lid")
-    asked = {"parts": [plate, lid], "motions": {"lid": fo.Translation("z")}, "unit": "mm"}
+    plate, pin = fo.Box((4, 4, 1), centre=(0, 0, 0.5), name="plate"), fo.Box((1, 1, 1), centre=(0, 0, 1.5), name="pin")
+    lid = fo.Box((2, 2, 1), centre=(0, 0, 2.75), name="lid")
+    asked = {"parts": [plate, pin, lid], "motions": {"pin": fo.Translation("z"), "lid": fo.Translation("z")}}
+    asked |= {"follows": {"lid": "plate"}, "unit": "mm"}
     with pytest.raises(fo.InputError) as caught:
-        fo.Assembly(**asked, contacts=[("lid", "plate")])
+        fo.Assembly(**asked, contacts=[("pin", "plate"), ("lid", "pin")])
     said = str(caught.value)
-    assert caught.value.key == "contacts[1] 'lid - plate'.nominal"
-    assert 'lid and plate are 0.25 mm apart as drawn: write goal = "clear", in a file of an assembly under this' in said
+    assert caught.value.key == "contacts[2] 'lid - pin'.nominal"
+    assert 'lid and pin are 0.25 mm apart as drawn: write goal = "clear", in a file of an assembly under this' in said
     assert not re.search(r"\d\.\d{10}", said)
-    clear = {"parts": ("lid", "plate"), "goal": "clear"}
-    thick = fo.Size("thick", "lid", faces="-z", tolerance=0.1)
-    assert fo.stack_up(fo.Assembly(**asked, contacts=[clear], sizes=[thick])).gap({}) == pytest.approx(0.25)
+    clear, high = {"parts": ("lid", "pin"), "goal": "clear"}, fo.Size("high", "pin", faces="+z", tolerance=0.1)
+    made = fo.Assembly(**asked, contacts=[("pin", "plate"), clear], sizes=[high])
+    assert fo.stack_up(made).gap({"high": 0.1}) == pytest.approx(0.15)
 
 
 def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:
