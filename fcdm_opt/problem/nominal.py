@@ -18,7 +18,7 @@ from fcdm_opt.curve.tight import TightLine, choices, parallel, tight_lines
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.units import gap_text
+from fcdm_opt.geometry.units import UnitOrNone, gap_text
 from fcdm_opt.problem.active_parts import Indices
 from fcdm_opt.problem.scene import lengths_of
 from fcdm_opt.tolerances import DEFAULT
@@ -46,7 +46,7 @@ class NominalContact:
     box: Box
     snap: float
     goal: str | None
-    unit: str
+    unit: UnitOrNone
     features: Any
     contacts: Any
     size: float
