@@ -191,13 +191,16 @@ def known_arguments(function: Called) -> Called:
     code = function.__code__
     known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     names = [name for name in known if name not in ("self", "cls")]
+    made = function.__annotations__.get("return", "")  # a class, by its name
     needed = [name for name in known[code.co_argcount :] if name not in (function.__kwdefaults__ or {})]
 
     @functools.wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
         for key, value in named.items():
             if key not in known:
-                what = f"unknown argument '{key}'{closest(key, names)}"
+                changed = hasattr(function.__globals__.get(made), f"with_{key}")  # what it returns has it so
+                hint = f": .with_{key}(...) of the {made} gives it" if changed else closest(key, names)
+                what = f"unknown argument '{key}'{hint}"
                 raise InputError(what, key=key, found=value, allowed=", ".join(names) or "none")
         for key in needed:
             if key not in named:

@@ -112,16 +112,20 @@ class _OfRound(NamedTuple):
     looked: bool
 
 
+def _of_plane_faces(body: Body) -> bool:
+    """Tell whether a body has few faces, and fewer that turn gently into each other than a strip: a prism, mostly."""
+    looks = body.face_planes[0] if len(body.faces) < ROUNDED else np.ones((STRIP, 1))
+    return bool(np.count_nonzero(np.triu(looks @ looks.T > GENTLE, 1)) < STRIP - 1)
+
+
 @cached_per_body
 def _of_round_faces(body: Body) -> _OfRound | None:
     """Return what facets are taken for cylinders, cones and spheres; None where that cannot be told."""
     if max(body.deviation) > DEFAULT.drawn * body.size:
         return None
     errors = np.zeros((len(body.faces), 2))
-    if len(body.faces) < ROUNDED:  # most of them are prisms, which is seen at a glance
-        looks = body.face_planes[0]
-        if np.count_nonzero(np.triu(looks @ looks.T > GENTLE, 1)) < STRIP - 1:
-            return _OfRound(frozen(errors), (), set(), looked=False)
+    if _of_plane_faces(body):
+        return _OfRound(frozen(errors), (), set(), looked=False)
     rounds = round_faces(body)
     if not all(face in body.face_rows for own in rounds for face in own.faces):
         return None  # of solids side by side: faces that another one covers in part are none of the whole
@@ -286,8 +290,10 @@ def _squared(form: Array, steps: Array) -> Array:
 @cached_of_whole
 def bounding_bodies(body: Body) -> tuple[Body, Body] | None:
     """Return a body that the true one holds, and one that holds it; the body itself where its faces are true."""
-    # None where none are known
+    # None where none are known; all faces of a prism whose coordinates are rounded are off by no more than these are
     errors = facet_errors(body)
+    if errors is None and body.rounding > DEFAULT.drawn * body.size and _of_plane_faces(body):
+        errors = np.tile(body.deviation, (len(body.faces), 1))
     ends = [None] * 2 if errors is None else [_moved(body, off, errors) for off in (-errors[:, 0], errors[:, 1])]
     return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
 

@@ -178,13 +178,13 @@ def drawn_mesh(
     scale = Fraction(NANOMETRES[own_unit or file_unit or unit], NANOMETRES[unit])
     # with no more digits than single precision takes
     joined = suffix == ".stl" and all(x == float(f"{x:.{SINGLE_DIGITS - 1}e}") for x in np.unique(vertices).tolist())
-    vertices, remarks, moved, rounding = _plane(
+    vertices, remarks, moved, rounding, cause = _plane(
         vertices, faces, single=own_unit is not None, joined=joined, binary=b"\0" in data
     )
     coarse = rounding if rounding > DEFAULT.drawn * float(norms(np.ptp(vertices, axis=0))) else 0.0
     if coarse:
         place = f"{coarse * float(scale):.2g} {unit}"
-        remarks = (*remarks, f"its digits are too few so far from the origin: vertices are known to {place}")
+        remarks = (*remarks, f"{cause}: vertices are known to {place}")
     out, short = ((off + moved + coarse) * float(scale)).tolist()
     if off.any():
         most = float(off.max()) * float(scale)
@@ -250,14 +250,14 @@ def _picked(drawn: Drawn, solid: str, path: Path) -> tuple[Drawn, tuple[str, ...
 
 def _plane(
     vertices: Array, faces: list[Polygon], *, single: bool, joined: bool, binary: bool
-) -> tuple[Array, tuple[str, ...], float, float]:
+) -> tuple[Array, tuple[str, ...], float, float, str]:
     """Return vertices moved within their digits such that faces are plane (`flattening`), a remark, and how far.
 
-    And how far the digits leave each vertex open; 0 of a text in which nothing tells that they do.
+    And how far the digits leave each vertex open, 0 of a text in which nothing tells that they do, and why.
     """
     size = float(np.abs(vertices).max(initial=0.0))
     if not size <= LARGEST or not all(0 <= v < len(vertices) for face in faces for v in face):
-        return vertices, (), 0.0, 0.0  # `checked_mesh` says what is wrong
+        return vertices, (), 0.0, 0.0, ""  # `checked_mesh` says what is wrong
     exactly, written = _in_single(vertices)
     if exactly:
         vertices = short_decimals(vertices, np.spacing(np.abs(vertices).astype(np.float32)) / 2.0)
@@ -266,9 +266,16 @@ def _plane(
     step = float(norms(moved - vertices).max())
     rounded = step > 0.0 or single or written or (binary and exactly) or (joined and not exactly)
     rounding = max(step, digits * size * ROUNDED) if rounded else 0.0
-    if not step:
-        return vertices, (), 0.0, rounding
-    return moved, (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",), step, rounding
+    few = single or exactly or step <= 2.0 * 10.0 ** -_decimals(vertices)
+    scattered = f"corners of its plane faces are off these by {step / size:.1g} of the size, more than its digits tell"
+    cause = "its digits are too few so far from the origin" if few else scattered
+    notes = (f"vertices moved by {step / size:.1g} of the size, to make plane faces plane",) if step else ()
+    return moved, notes, step, rounding, cause
+
+
+def _decimals(values: Array) -> int:
+    """Return with how many decimals numbers are written, at most `DECIMALS`."""
+    return next((k for k in range(DECIMALS) if (values.round(k) == values).all()), DECIMALS)
 
 
 def _in_single(vertices: Array) -> tuple[bool, bool]:
@@ -278,7 +285,7 @@ def _in_single(vertices: Array) -> tuple[bool, bool]:
     with np.errstate(all="ignore"):
         single = values.astype(np.float32)
         other = values != single
-        decimals = next((k for k in range(DECIMALS) if (values.round(k) == values).all()), DECIMALS)
+        decimals = _decimals(values)
         chances = np.minimum(10.0**-decimals / np.spacing(single[other]).astype(float), 1.0)
     near = (single.astype(float).round(decimals) == values).all()
     written = bool(near and np.log(chances).sum() <= np.log(CHANCE))

@@ -282,7 +282,7 @@ class Size(Plain):
     def _each(self, count: int) -> tuple[float, ...]:
         if self.each is None:
             if count > 1:
-                allowed = "0.5 where the size is the width between two faces, or a number for each selector"
+                allowed = "0.5 of a width between two faces, 1 of faces of one level, or a number for each selector"
                 raise self._refused("how far does each face move?", "each", None, allowed)
             return (1.0,)
         single = np.ndim(self.each) == 0

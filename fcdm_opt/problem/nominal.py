@@ -18,6 +18,7 @@ from fcdm_opt.curve.tight import TightLine, choices, parallel, tight_lines
 from fcdm_opt.errors import InputError, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.units import UnitOrNone, gap_text
 from fcdm_opt.problem.active_parts import Indices
 from fcdm_opt.problem.scene import lengths_of
 from fcdm_opt.tolerances import DEFAULT
@@ -45,6 +46,7 @@ class NominalContact:
     box: Box
     snap: float
     goal: str | None
+    unit: UnitOrNone
     features: Any
     contacts: Any
     size: float
@@ -260,19 +262,19 @@ class NominalContact:
         goal = self.goal
         if not self.contacts and self.nominal_contact is None:
             asked = self.nominal_pair
-            nearest = self.curve.nearest(asked)
-            gap = self.curve.gap(asked)
-            pair = [float(f"{x:.15g}") for x in nearest.tolist()]
-            near = f"nearest to it is {pair}" if np.isfinite(nearest).all() else "the bodies have none near"
+            nearest, gap = self.curve.nearest(asked), float(self.curve.gap(asked))
+            pair = [float(f"{x:.9g}") for x in nearest.tolist()]
+            near = f"the pair nearest to it there, {pair}," if np.isfinite(nearest).all() else "any there"
+            one, two = self.curve.movable.name or "the movable part", self.curve.static.name or "the static part"
+            do = 'write goal = "clear", in a file of an assembly under this [[contact]]: `stack` then adds up the gap'
+            do = do if gap > 0.0 else 'goal "touch" or "clear" moves them apart'
             what = (
-                f'goal "{goal}" tracks the nominal contact, but the nominal pair is not on the decision curve: {near}; '
-                f"{self.curve.movable.name or 'the movable part'} and {self.curve.static.name or 'the static part'} "
-                f"{'overlap' if gap < 0.0 else 'are apart'}, the gap there is {gap:.6g}, and one of "
-                f"{self.snap * self.size:.3g} (snap times the size) would be closed if no scale changed by more than "
-                f"{self.snap:.3g} (snap) of what was asked"
+                f"{one} and {two} {gap_text(gap, 0.0, self.unit)} {'as drawn' if (asked == 1.0).all() else 'there'}: "
+                f'{do}; goal "{goal}" tracks a contact, but the nominal pair is not on the decision curve, {near} is '
+                f"further off than snap, {self.snap:.3g}"
             )
             allowed = (
-                'a switching point, a pair on the curve, a larger snap, or goal "touch" or "clear"; from a pose '
+                'goal "clear" or "touch", a switching point, a pair on the curve, a larger snap; from a pose '
                 "sensed: ask about the parts as drawn, and correct by transform @ inv(sensed)"
             )
             raise InputError(what, key="nominal", found=asked.tolist(), allowed=allowed)

@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from fcdm_opt.errors import InputError, checked_path, closest, known_word, similar_name, unfit
+from fcdm_opt.errors import HINT, InputError, checked_path, closest, known_word, similar_name, unfit
 from fcdm_opt.geometry.files import mesh_formats
 from fcdm_opt.geometry.size import FIT_LETTERS
 from fcdm_opt.problem.arguments import LARGEST
@@ -263,6 +263,17 @@ def _path(place: Sequence[Any], data: Mapping[str, Any]) -> str:
     return text.removeprefix(".")
 
 
+def _tables_with(model: type[BaseModel], *place: str) -> str:
+    """Return the tables of a file that have a key, the last of a place that has not; "" for none, and for many."""
+
+    def has(kind: Any) -> bool:
+        return place[-1] in getattr(kind, "model_fields", ()) or any(map(has, get_args(kind)))
+
+    kinds = {key: item.annotation for key, item in model.model_fields.items() if len(place) < 3}
+    tables = [f"[[{key}]]" if get_origin(kind) is list else f"[{key}]" for key, kind in kinds.items() if has(kind)]
+    return " and ".join(tables) if len(tables) < 3 else ""
+
+
 def checked(
     model: type[Read],
     data: Mapping[str, Any],
@@ -278,5 +289,8 @@ def checked(
         context = detail["ctx"]
         inside, _ = descend(data, detail["loc"])
         key = placed((*inside, *context["inside"]), data) or None
-        allowed = context["allowed"]
-        raise InputError(context["what"], file=file, key=key, found=context["found"], allowed=allowed) from error
+        allowed, what = context["allowed"], context["what"]
+        if what.startswith("unknown key"):
+            tables = _tables_with(model, *(own for own in (*inside, *context["inside"]) if not isinstance(own, int)))
+            what = f"{what.partition(HINT)[0]}: a key of {tables}" if tables else what
+        raise InputError(what, file=file, key=key, found=context["found"], allowed=allowed) from error

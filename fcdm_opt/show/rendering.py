@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-from fcdm_opt.geometry.units import measured, signed
+from fcdm_opt.geometry.units import NANOMETRES, measured, signed
 from fcdm_opt.lazy_import import extra
 from fcdm_opt.show.glossary import EXPLAINED
 from fcdm_opt.show.texts import NONE, numbers, shown
@@ -79,10 +79,11 @@ def explained(word: str, shown: str = "") -> Any:
 
 
 def unbroken(text: str) -> Any:
-    """Return a text in which no line ends behind the sign of a number or of a direction, as in "facing -" and "y"."""
+    """Return a text in which no line ends behind a sign, as in "facing -" and "y", or before the unit of a motion."""
     from markupsafe import Markup, escape
 
-    return Markup(re.sub(r"(?<![\w)])-[\w.]+", r'<span class="whole">\g<0></span>', str(escape(text))))
+    whole = rf"((?<![\w)])-|(?<=[A-Z] )(?=\d))[\w.]+( ({'|'.join(NANOMETRES)}|deg)\b)?"
+    return Markup(re.sub(whole, r'<span class="whole">\g<0></span>', str(escape(text))))
 
 
 def sentence(text: str) -> str:

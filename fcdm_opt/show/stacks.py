@@ -134,26 +134,19 @@ def _round_places(body: Body) -> dict[Label, tuple[str, str]]:
 
 
 def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
-    """Print which gap it is, worst case, statistics, the share within limits, contributions, rows."""
+    """Print which gap it is, worst case, statistics, the share within limits, of pairs drawn now if not given, rows."""
+    share = share or stack.yield_()
     worst, spread = stack.worst(), stack.root_sum_square()
     noise = noise_of(stack.touching.bodies)
     at = [_deciding_sizes(stack, own) for own in (worst.at_least, worst.at_largest)]
+    drawn = max(noise, 3.0 * share.deviation / math.sqrt(share.count))  # what drawing leaves of a mean of 0
+    sigma = f"sigma {signed(share.deviation, least=noise).lstrip('+')}"
+    one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
     rows = [
         ("worst case, least gap", worst.least, _sizes(at[0]) or DRAWN),
         ("worst case, largest gap", worst.largest, _sizes(at[1]) or DRAWN),
-    ]
-    if share is not None:
-        drawn = max(noise, 3.0 * share.deviation / math.sqrt(share.count))  # what drawing leaves of a mean of 0
-        rows += [
-            ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean, least=drawn)}"),
-            (
-                "99.73 % of pairs drawn, largest gap",
-                share.high,
-                f"sigma {signed(share.deviation, least=noise).lstrip('+')}",
-            ),
-        ]
-    one = "root sum square" + " of one contact" * (len({row.told for row in stack.rows}) > 1)
-    rows += [
+        ("99.73 % of pairs drawn, least gap", share.low, f"mean {signed(share.mean, least=drawn)}"),
+        ("99.73 % of pairs drawn, largest gap", share.high, sigma),
         (
             f"{one}, mean - 3 sigma",
             spread.low,
@@ -170,8 +163,7 @@ def print_stack(stack: StackUp, share: GapYield | None = None) -> None:
         {"": what, "gap": signed(gap, least=noise) + " *" * past, "at": wrapped(at, LONGEST)}
         for past, (what, gap, at) in zip(beyond, rows, strict=True)
     ], numbers=("gap",), notes=[BEYOND] * any(beyond))  # fmt: skip
-    if share is not None:
-        _print_yield(stack, share, usual=not any(beyond))
+    _print_yield(stack, share, usual=not any(beyond))
     contributions = contributions_of(stack)
     differs, varies = any(own.worst for own in contributions), any(own.variance for own in contributions)
     print_rows([

@@ -157,7 +157,7 @@ def _cells(row: SolvedCase) -> dict[str, str]:
         "found\namount": texts.amount_text(texts.seen_amount(solution))
         + (f"\n{wrapped(solution.doubt.partition(': ')[0], DOUBT_WIDTH)}" if solution.doubt else ""),
         "proved\nat least": texts.bound_text(solution),
-        "new/old\nsizes": "\n".join(f"{x:.{texts.PLACES}g}" for x in ratio) or "-",
+        "new/old\nsizes": "\n".join(map(texts.scale_text, ratio)) or "-",
         "pair made": _pair_state(solution, off),
         'least\n"touch"': texts.amount_text(row.touch_amount) if problem.goal == "beyond" else "",
         "verified": verdict_cell(solution) if judged else "-",
@@ -199,7 +199,7 @@ def print_ranges(rows: Sequence[tuple[CoherentRange | AssemblyRange | None, Cont
         at_contact = [
             f"at {_steps_text(asked, own.x)}, {contact_text(own.problem or problem, own.features)}" for own in touches
         ]
-        scales = " and ".join(f"{x:.{texts.PLACES}g}" for x in problem.target.tolist())
+        scales = " and ".join(map(texts.scale_text, problem.target.tolist()))
         resized = f" ({scales} times as large as drawn)" * bool((problem.target != 1.0).any())
         states = _state_texts(times, f"the parts made{resized}, moved along this: ")
         _print_range(f"{problem.name}: {head}", [*ends, *states, *at_contact])

@@ -55,6 +55,12 @@ def numbers(values: Iterable[float | None], digits: int = PLACES) -> str:
     return ", ".join(number(value, digits) for value in values)
 
 
+def scale_text(scale: float) -> str:
+    """Return a scale of few digits, or of as many, up to 9, as tell it from one that it is not: 0.5999999 from 0.6."""
+    text = f"{scale:.{PLACES}g}"
+    return f"{scale:.9g}" if len(text.replace(".", "").lstrip("0")) < PLACES - 1 else text
+
+
 def share_text(share: float, digits: int = 2) -> str:
     """Return a share of all pairs in per cent; of one that is nan that it is not known."""
     return "undecided" if math.isnan(share) else f"{share:.{digits}%}"
@@ -103,7 +109,7 @@ def asked_text(scene: Scene) -> str:
         return f"{problem.requirement} ({signs}){more}"
     if (problem.target == 1.0).all():
         return f"made {made or 'as drawn'}" if problem.made is not None else "parts as drawn"
-    return f"target {problem.target[0]:.6g}, {problem.target[1]:.6g}{more}"
+    return f"target {', '.join(map(scale_text, problem.target.tolist()))}{more}"
 
 
 def goal_text(problem: Problem) -> str:

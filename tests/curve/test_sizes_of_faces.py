@@ -310,7 +310,7 @@ REFUSED = {
     "none": ({"faces": "F99"}, "no such face.*F1 to F10"),
     "word": ({"faces": "lid"}, "no face is named like this.*through"),
     "name": ({"faces": "bore radius 8"}, "no face of body 'slot' has this name.*front, right, back no. 1"),
-    "each": ({"faces": ["F1", "F2"]}, "how far does each face move.*0.5"),
+    "each": ({"faces": ["F1", "F2"]}, "how far does each face move.*0.5 of a width .*, 1 of faces of one level"),
     "unit": ({"scale": "xyz", "tolerance": "0.1 mm"}, "a scale has no unit.*a share: 0.003"),
     "both": ({"faces": "F1", "scale": "x"}, "faces or a scale"),
     "empty": ({"faces": "F1", "tolerance": (0.1, -0.1)}, "low <= high"),

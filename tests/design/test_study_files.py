@@ -761,6 +761,7 @@ WRONG = [
     ('derive = { snap = "1 / 0" }', "derive.'snap': the expression has no value"),
     ('derive = { snap = "9 ** 9 ** 9 ** 9" }', "derive.'snap': the expression has no value"),
     ('derive = { goal = "touch" }', "derive.'goal': no such parameter 'touch'"),
+    ("derive = { bodies = { static = { seed = 3 } } }", 'both bodies at once.*"bodies.static.seed" = ..., in quotes'),
     ('derive = { gaol = { text = "touch" } }', "derive.'gaol': .*unknown key 'gaol', did you mean 'goal'"),
     ('derive = { goal = 3 }', "derive.'goal': no problem takes this"),
     ('derive = { "target[" = 3 }', r"derive.'target\[': not a place"),

@@ -138,7 +138,8 @@ def test_commands_and_their_options_exist(page: Document) -> None:
 
 @each_document
 def test_files_that_commands_and_sentences_name_exist(page: Document) -> None:
-    made: list[Path] = []  # by earlier commands of the page
+    shown = re.findall(r"as `([\w.]+)`:\n\n```toml", page.path.read_text("utf-8"))
+    made = [Path(name) for name in shown]  # the page has them whole; and by earlier commands of the page
     for words, line in page.typed:
         for word in words[1:]:
             if word.split("/")[0] in OURS and "/" in word:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shlex
 from dataclasses import replace
 from itertools import pairwise, product
 from math import atan, atan2, cos, hypot, sin, sqrt
@@ -687,11 +688,25 @@ def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
     """The plate's top, half a length above its seed, comes down by 2 % of that; the lid is taken along."""
     page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
     path = tmp_path / "stack.toml"
-    path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
+    path.write_text(page.rpartition("```toml\n")[2].partition("```")[0], "utf-8")
     smaller, thick = fo.load_assemblies(path)
     assert flat(fo.solve(smaller)) == pytest.approx([-0.01, 0.0], abs=1e-12)
     assert flat(fo.solve(thick)) == pytest.approx([0.05, -0.02], abs=1e-12)
     assert fo.stack_up(thick, of=("lid", "pad")).contributions[0].size == "pad height"
+
+
+def test_the_open_gap_in_the_documentation_is_what_both_commands_print(tmp_path) -> None:
+    """The gap is .2 + jaw - hub length - shim thickness; measured, the hub is .1 short and the shim goes along."""
+    page, path = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8"), tmp_path / "fork.toml"
+    path.write_text(page.partition("```toml\n")[2].partition("```")[0], "utf-8")
+    stack = fo.stack_up(fo.load_assemblies(path)[0])
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.2 - 0.05 - 0.03, 0.2 + 0.05 + 0.1 + 0.03))
+    for command in ("stack", "solve"):
+        line = next(own for own in page.splitlines() if own.startswith(f"fcdm-opt {command} fork.toml "))
+        words = [str(path) if word == "fork.toml" else word for word in shlex.split(line)[1:]]
+        printed = "\n".join(own.rstrip() for own in run(*words).output.splitlines())
+        table, verdict = page.partition("  gap  at\n")[2].partition("```")[0], "then every contact is met as asked"
+        assert {"stack": table, "solve": verdict}[command] in printed
 
 
 @pytest.mark.parametrize(
@@ -701,15 +716,40 @@ def test_the_file_in_the_documentation_is_whole(tmp_path) -> None:
         ('parts = ["pad", "plate"]', 'bodies = ["pad", "plate"]', "'bodies', did you mean 'parts'?"),
         ("made = {", "sizes = {", "'sizes', did you mean 'made'?"),
         ("tolerance = 0.03", "tol = 0.03", "'tol', did you mean 'tolerance'?"),
+        ("made = {", 'goal = "clear"\nmade = {', "unknown key 'goal': a key of [[contact]]; found 'clear'"),
+        (
+            "made = {",
+            "clearance = 0.1\nmade = {",
+            "unknown key 'clearance': a key of [[contact]] and [[keep_out]]; found 0.1",
+        ),
+        ("made = {", 'motion = [{ translation = "z" }]\nmade = {', "unknown key 'motion': a key of [[part]]"),
+        ("tolerance = 0.03", "tolerance = 0.03\nmade = 1", "unknown key 'made': a key of [[case]]"),
     ],
 )
 def test_a_key_of_another_table_names_the_right_one(tmp_path, right: str, wrong: str, hint: str) -> None:
     page = (FILE.parents[2] / "docs" / "assemblies.md").read_text("utf-8")
-    text = page.partition("```toml\n")[2].partition("```")[0]
+    text = page.rpartition("```toml\n")[2].partition("```")[0]
     assert right in text
     (tmp_path / "a.toml").write_text(text.replace(right, wrong), "utf-8")
     with pytest.raises(fo.InputError, match=re.escape(hint)):
         fo.load_assemblies(tmp_path / "a.toml")
+
+
+def test_an_open_gap_is_said_to_be_one(tmp_path) -> None:
+    """A lid drawn .25 above its pad has no contact to restore: it is to be kept clear, and the gap is the answer."""
+    plate, pin = fo.Box((4, 4, 1), centre=(0, 0, 0.5), name="plate"), fo.Box((1, 1, 1), centre=(0, 0, 1.5), name="pin")
+    lid = fo.Box((2, 2, 1), centre=(0, 0, 2.75), name="lid")
+    asked = {"parts": [plate, pin, lid], "motions": {"pin": fo.Translation("z"), "lid": fo.Translation("z")}}
+    asked |= {"follows": {"lid": "plate"}, "unit": "mm"}
+    with pytest.raises(fo.InputError) as caught:
+        fo.Assembly(**asked, contacts=[("pin", "plate"), ("lid", "pin")])
+    said = str(caught.value)
+    assert caught.value.key == "contacts[2] 'lid - pin'.nominal"
+    assert 'lid and pin are 0.25 mm apart as drawn: write goal = "clear", in a file of an assembly under this' in said
+    assert not re.search(r"\d\.\d{10}", said)
+    clear, high = {"parts": ("lid", "pin"), "goal": "clear"}, fo.Size("high", "pin", faces="+z", tolerance=0.1)
+    made = fo.Assembly(**asked, contacts=[("pin", "plate"), clear], sizes=[high])
+    assert fo.stack_up(made).gap({"high": 0.1}) == pytest.approx(0.15)
 
 
 def test_the_report_lists_the_checksums_of_the_meshes_too(tmp_path) -> None:

@@ -185,7 +185,7 @@ BAD = [
     ({"nominal": 2}, "nominal", "2", "no switching point"),
     ({"static": GABLE, "nominal": 2, "box": BOX}, "nominal", "2", "one of 1: 1 at (0.5, 1.75)"),
     ({"goal": "at"}, "nominal", "[1.0, 1.0]", "a pair on the curve"),
-    ({"goal": "beyond"}, "nominal", "gap there is 0.5", '"touch"'),
+    ({"goal": "beyond"}, "nominal", "0.5 apart as drawn", '"touch"'),
     ({"goal": "beyond", "nominal": (1.5, 2.0)}, "goal", "beyond", '"at" or "touch"'),
     ({"static": GABLE, "goal": "beyond", "nominal": 1, "box": BOX, "target": (0.5, 2)}, "target", "0.5", "both scales"),
     ({"goal": "seat"}, "nominal", "[1.0, 1.0]", "a pair on the curve"),
@@ -406,10 +406,11 @@ def test_a_larger_gap_is_refused_with_its_size_and_the_nearest_point(gap: float,
             problem(plate_at(gap), goal=goal, **arguments)
         assert caught.value.key == "nominal"
         text = str(caught.value)
-        assert f"the gap there is {gap:.6g}, " in text
+        assert f"cube and plate {'overlap by' if gap < 0 else 'are'} {abs(gap):.6g} " in text
+        assert ('write goal = "clear"' in text) == (gap > 0)
         assert "from a pose sensed: ask about the parts as drawn, and correct by transform @ inv(sensed)" in text
-        nearest = text.partition("nearest to it is [")[2].partition(",")[0]
-        assert float(nearest) == pytest.approx(near, rel=1e-12)
+        nearest = text.partition("nearest to it there, [")[2].partition(",")[0]
+        assert float(nearest) == pytest.approx(near, abs=1e-9)
         assert "a larger snap" in text
     assert problem(plate_at(gap), **arguments).goal == "touch"
     wider = problem(plate_at(gap), goal="at", **{**arguments, "snap": 1e-4})

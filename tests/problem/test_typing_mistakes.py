@@ -338,3 +338,9 @@ def test_options_were_refused_in_words_of_a_library_without_what_was_found(
 def test_other_words_for_keys_are_known() -> None:
     for word, meant in {"sigma": "deviation", "std": "deviation", "draws": "count", "lhs": "latin hypercube"}.items():
         assert closest(word, ["mean", "deviation", "count", "latin hypercube"]) == f", did you mean '{meant}'?"
+
+
+def test_an_argument_that_a_method_gives_names_it() -> None:
+    """A box has no seed of its own to choose; `with_seed` was not named."""
+    with pytest.raises(fo.InputError, match=r"unknown argument 'seed': \.with_seed\(\.\.\.\) of the Body gives it"):
+        fo.Box((1, 1, 1), seed=(0, 0, 0))  # type: ignore[call-arg]

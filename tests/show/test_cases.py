@@ -18,7 +18,7 @@ from fcdm_opt.geometry.primitives import Box
 from fcdm_opt.show.cards import Card
 from fcdm_opt.show.grids import grids, write_grids
 from fcdm_opt.show.report.cases import size_rows
-from fcdm_opt.show.texts import bound_text
+from fcdm_opt.show.texts import bound_text, scale_text
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -313,3 +313,11 @@ def test_a_grid_told_a_width_to_a_face_that_moves_in_it(tmp_path: Path) -> None:
         (head, *_), (row, *_), *_ = csv.reader(table.read_text(encoding="utf-8").splitlines())
         assert (head.split(": ")[1].split(" down")[0], row) == (name, first)
         assert name in page.read_text(encoding="utf-8")
+
+
+def test_scales_are_told_from_what_they_are_not() -> None:
+    """ "0.6, 1" stood for targets of which one can be reached and one cannot."""
+    scales = [0.5999999, 0.6, 0.6000001, 1.0000003, 1.0 / 3.0, 1.02 * 1.1, 1.0]
+    assert [scale_text(own) for own in scales] == [
+        "0.5999999", "0.6", "0.6000001", "1.0000003", "0.333333", "1.122", "1"
+    ]  # fmt: skip

@@ -563,3 +563,5 @@ def test_lines_ended_behind_the_sign_of_a_direction() -> None:
         '0.5 along <span class="whole">-x</span> (facing <span class="whole">-y</span>), a-b, '
         '<span class="whole">-0.25</span> &lt;'
     )
+    for text in ("-0.06 mm", "0.06 mm", "-2.5 deg", "0.5"):  # "mm" stood on the next line
+        assert unbroken(f"TZ {text}, amount 1 mm") == f'TZ <span class="whole">{text}</span>, amount 1 mm'

@@ -172,7 +172,7 @@ class StackUp:
     every: StackUp | None = None
 
     def __str__(self) -> str:
-        """Return worst cases, statistics and contributions as tables."""
+        """Return worst cases, the yield of a million pairs drawn, and contributions as tables."""
         return str(imported("show.printing:printed")(imported("show.stacks:print_stack"), self))
 
     def __repr__(self) -> str:

@@ -417,7 +417,7 @@ def _check_values(study: Study, base: Question) -> None:
         question.check()
         question.drawn()
     except InputError as reason:
-        raise _placed(reason, _places(study)) from reason
+        raise _placed(reason, study) from reason
     given = [key for key in ("target", "requirement", "tolerance") if key in question.case]
     if given[:1] == ["target"] and len(given) > 1:
         allowed = "target, or requirement and tolerance"
@@ -437,16 +437,28 @@ def _places(study: Study) -> list[tuple[str, str]]:
     return varied + [(f"derive.'{key}'", key) for key in study.derive]
 
 
-def _placed(reason: InputError, places: list[tuple[str, str]]) -> InputError:
+def _placed(reason: InputError, study: Study) -> InputError:
     """Return what is wrong with the first point as an error of the variable or derived key that it comes from."""
+    places = _places(study)
     if reason.key is None or _of_derivation(reason) or not places:
         return reason
+    inner = study.derive.get(reason.key)
+    if isinstance(inner, Mapping):  # of a key with dots that is not in quotes TOML makes tables
+        reason = InputError(reason.what, key=reason.key, allowed=f'"{_dotted(reason.key, inner)}" = ..., in quotes')
     for where, key in places:
         with suppress(InputError):  # some keys of errors are no places
             if overlap(parse(reason.key), parse(key)):
                 return _wrong(reason, where)
     what = f"the first point makes no question: {reason.key}: {reason.what}"
     return InputError(what, key="vary", found=reason.found, allowed=reason.allowed, file=reason.file)
+
+
+def _dotted(key: str, value: Any) -> str:
+    """Return the key with dots that tables of one key each are written with."""
+    while isinstance(value, Mapping) and len(value) == 1:
+        ((inner, value),) = value.items()
+        key = f"{key}.{inner}"
+    return key
 
 
 def _without_units(place: Place) -> Place:
