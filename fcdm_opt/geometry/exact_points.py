@@ -45,10 +45,12 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return found[0]
     inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
     drawn, known = np.concatenate([part.vertices for part in inner.parts]), np.zeros((0, 3))
+    # in a bore wider ones lead to less than is right
+    least = 0.0 if any(own.concave for own in true_faces(body).patches) else SMALL * body.size
     for point in np.asarray(points, float).reshape(-1, 3):
         next_to = float(norms(known - point).min(initial=np.inf))
         far = min(next_to, norms(drawn - point).min()) > DEFAULT.tie * body.size
-        if far and (own := _pieces(body, NARROWER * max(next_to, SMALL * body.size), *point.tolist())):
+        if far and (own := _pieces(body, NARROWER * max(next_to, least), *point.tolist())):
             pieces += own
             known = np.concatenate([known, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()

@@ -13,6 +13,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from fcdm_opt.curve.contact import Joint
 from fcdm_opt.curve.decision_curve import relative_pose
@@ -255,8 +256,8 @@ class RestoringMotion(NamedTuple):
     # where the motion is beyond limits
     q: Array | None
     points: list[list[NearestPoints]]  # of each question where they touch then
-    # least amount of all that do: gaps of plane faces are linear in shifts, and no smaller shift closes these; infinite
-    # where no shift does. 0 of motions that turn
+    # least amount of all that do: gaps of plane faces are linear in shifts, those of convex ones nowhere less, and no
+    # smaller shift closes these; infinite where no shift does. 0 of motions that turn
     bound: float
     # without one, the motion parameters at which the squares of all gaps are least, or those beyond limits, (k,)
     nearest: Array | None = None
@@ -312,7 +313,11 @@ def _from(
         if np.abs(gaps).max() <= near and (not turns or np.abs(further - y).max() <= DEFAULT.tie * first.size):
             inside = bool(((first.limits[:, 0] <= q) & (q <= first.limits[:, 1])).all())
             held = slopes[plane]
-            bound = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ y)))
+            met = [own for each in zip(asked, before, points, strict=False) for own in _closing(*each, q)]
+            rows = np.array([*held, *-held, *met]).reshape(-1, len(y))  # all that restore go as far along each
+            shares, off = nnls(rows.T, y) if len(rows) else (np.zeros(0), np.inf)
+            short, w = off > DEFAULT.tie * np.linalg.norm(y), shares @ rows
+            bound = float(w @ y / np.linalg.norm(w) if short and w.any() else not short and np.linalg.norm(y))
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
@@ -338,6 +343,19 @@ def _rows_of_points(problem: Problem, points: Sequence[NearestPoints], q: Array)
     flat = (_plane_gap(problem, own, pose) for own in flat_contacts(problem))
     round_ones: Rows = [(own.gap, shifts @ own.normal, _is_plane(problem, own)) for own in points]
     return round_ones + [(gap, shifts @ normal, True) for gap, normal in flat]
+
+
+def _closing(problem: Problem, before: Sequence[Pairs], points: Sequence[NearestPoints], q: Array) -> list[Array]:
+    """Return directions of weighted parameters, (k,), along which a shift goes as far as this one, or stays open."""
+    # that of a contact whose faces all are on their sides of the plane across its normal: both parts are convex there
+    faces, found = [true_faces(own) for own in problem.bodies_made.values()], list[Array]()
+    for pairs, met in zip(before, points, strict=True):
+        sides = zip(faces, zip(*pairs, strict=True), met.points, (met.normal, -met.normal), strict=True)
+        each = [(own.patches[k], point, n) for own, some, point, n in sides for k in some]
+        convex = all((own.surface.flat or own.side > 0.0) and not own.surface.ring for own, *_ in each)
+        if convex and all(own.gaps(point[None])[1][0] @ n > 1.0 - DEFAULT.nominal for own, point, n in each):
+            found.append(-_rows_of_points(problem, [met], q)[0][1])
+    return found
 
 
 def _rows_of_balls(problem: Problem, balls: Sequence[BallOnFace], q: Array) -> Rows:

@@ -1267,3 +1267,6 @@ def test_a_disc_is_clear_of_two_pins_of_which_one_came_out_larger() -> None:
     assert "radius 4 no. 1 and the cylinder of radius 4 no. 2 of nest" in str(usable(square))
     alike = problem.changed(goal="at", contacts="all")
     assert "the cylinder of radius 4.03 no. 1 and the cylinder of radius 4 no. 2 of nest" in str(usable(alike))
+    smaller = usable(problem.changed(made={"disc": -0.1}, goal="at", contacts="all"))
+    assert smaller.lower_bound == pytest.approx(high - math.sqrt(18.95**2 - 144.0), rel=1e-8)
+    assert smaller.lower_bound == pytest.approx(smaller.amount, rel=1e-9)
