@@ -48,8 +48,9 @@ def exact_at(body: Body, points: Array) -> Body | None:
     hollow = any(own.concave for own in true_faces(body).patches)  # in a bore wider ones lead to less than is right
     for point in np.asarray(points, float).reshape(-1, 3):
         next_to = float(norms(known - point).min(initial=np.inf))
+        wide = NARROWER * max(next_to, 0.0 if hollow else SMALL * body.size)
         far = min(next_to, norms(drawn - point).min()) > DEFAULT.tie * body.size
-        if far and (own := _pieces(body, NARROWER * max(next_to, 0.0 if hollow else SMALL * body.size), *point.tolist())):
+        if far and (own := _pieces(body, wide, *point.tolist())):
             pieces += own
             known = np.concatenate([known, point[None]])
     rows, parts = [inner.vertices], list[ConvexPart]()
