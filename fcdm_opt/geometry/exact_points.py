@@ -45,10 +45,10 @@ def exact_at(body: Body, points: Array) -> Body | None:
         return found[0]
     inner, pieces = found[0], list[tuple[Array, tuple[int, ...], Array, Hull]]()
     drawn, known = np.concatenate([part.vertices for part in inner.parts]), np.zeros((0, 3))
-    hollow = any(own.concave for own in true_faces(body).patches)  # in a bore wider ones lead to less than is right
+    has_bore = any(own.concave for own in true_faces(body).patches)  # in a bore wider ones lead to less than is right
     for point in np.asarray(points, float).reshape(-1, 3):
         next_to = float(norms(known - point).min(initial=np.inf))
-        wide = NARROWER * max(next_to, 0.0 if hollow else SMALL * body.size)
+        wide = NARROWER * max(next_to, 0.0 if has_bore else SMALL * body.size)
         far = min(next_to, norms(drawn - point).min()) > DEFAULT.tie * body.size
         if far and (own := _pieces(body, wide, *point.tolist())):
             pieces += own
