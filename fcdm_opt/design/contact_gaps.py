@@ -26,7 +26,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import is_plane_there
-from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.patches import TrueFaces, true_faces
 from fcdm_opt.geometry.resizing import resizing_of, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
@@ -235,13 +235,8 @@ class ContactGaps:
             n, near, most = lines_of_shift[:, 0], DEFAULT.touch * self.size, np.abs(self.sizes.box).max(axis=1)
             across = np.abs(moved - np.outer(n, n @ moved)) @ np.append(1.0, most)
             faces = [true_faces(self.relations[k].request[role]) for role in ROLES]
-
-            def meet_at(along: Array) -> bool:
-                at = [*zip(faces, (along @ known[:, -6:]).reshape(2, 1, 3), strict=True)]  # noqa: B023
-                return any(all(own.has_points(patch, x)[0] for (own, x), patch in zip(at, pair, strict=True))
-                           for pair in lines[0].pairs)  # fmt: skip
-
-            ends = [along for along in (np.append(1.0, n), np.append(1.0, -n)) if meet_at(along)]
+            ends = [along for along in (np.append(1.0, n), np.append(1.0, -n))
+                    if _meet_at(faces, lines[0].pairs, (along @ known[:, -6:]).reshape(2, 3))]  # fmt: skip
             if play[0] + play[1:] @ self.sizes.middle - np.abs(play[1:]) @ self.sizes.half < -near:
                 why[k, feature] = "sizes may make the inner one wider than its recess, where it jams"
             elif np.count_nonzero(amounts > DEFAULT.nominal) != 1:
@@ -252,7 +247,7 @@ class ContactGaps:
                 why[k, feature] = "along the motion the faces do not meet"
             else:
                 found[own] = 0.0
-                found[np.ix_(own, every)] = ends[0] @ inverse
+                found[own[:, None], every] = ends[0] @ inverse
         return found, why
 
     @property
@@ -336,6 +331,12 @@ class ContactGaps:
 def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:
     """Return which true faces meet with a round one; none of a line of facets."""
     return line.pairs if isinstance(line, _TruePoints) else frozenset()
+
+
+def _meet_at(faces: Sequence[TrueFaces], pairs: frozenset[tuple[int, int]], points: Array) -> bool:
+    """Tell whether a point of each body, (2, 3), is on its patch, of one of some pairs of these."""
+    each = (zip(faces, pair, points, strict=True) for pair in pairs)
+    return any(all(own.has_points(patch, x[None])[0] for own, patch, x in met) for met in each)
 
 
 def by_contacts(scene: Scene, *, named: bool = True) -> str:

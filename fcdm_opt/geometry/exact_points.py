@@ -80,7 +80,7 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
     if near and (room := faces.room(near, point, concave=False)) < NEXT_TO_EDGE * size:
         around = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
         near = [k for k in around if not any((min(k, own), max(k, own)) in faces.reentrant for own in near)]
-        beyond = max(float(faces.patches[k].gaps(point[None])[0][0]) for k in near)
+        beyond = max((float(faces.patches[k].gaps(point[None])[0][0]) for k in near), default=0.0)
         point = faces.onto(near, point) if beyond > DEFAULT.tie * size else point  # where facets end beyond the edge
     if not near or (not faces.is_round[near].any() and _is_within(body, point)):
         return []
