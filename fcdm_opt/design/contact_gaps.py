@@ -26,7 +26,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import is_plane_there
-from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.geometry.patches import TrueFaces, true_faces
 from fcdm_opt.geometry.resizing import resizing_of, vertex_rates
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.judge.sampled_sizes import GapClaims
@@ -209,6 +209,47 @@ class ContactGaps:
             self.words(*of): (float(ends[0, own].min()), float(ends[1, own].max())) for of, own in self.contacts.items()
         }
 
+    def met_along(self, rows: AffineGaps, slopes: Array, fits: Array) -> tuple[Array, dict[tuple[int, Feature], str]]:
+        """Return what makes of all rows those that shifts close, (m, m), and why of a contact they may not close one.
+
+        A round part in a round recess of its own radius, as drawn in contact in many directions: the gap along n is
+        a + n (w + S q), by the play a of the radii. Shifts along one line, w along it, close it there, and nowhere
+        else where a > 0. `slopes`, (m, q): of the rows, by the motions; those of `fits`, (m, f), stay as they are.
+        """
+        found, why, shape = np.eye(len(self.lines)), dict[tuple[int, Feature], str](), rows.values.shape[1]
+        for (k, feature), every in self.contacts.items():
+            lines = [line for row in every if isinstance(line := self.lines[row].line, _TruePoints)]
+            own = np.array([row for row in every if not fits[row].any()], np.int64)
+            form = np.column_stack([np.ones(len(every)), rows.normals[every]])
+            ranks = [np.linalg.matrix_rank(part, tol=DEFAULT.snap) for part in (form, form[:, 1:])]
+            turns = not all(relation.motion.shifts for relation in self.relations)
+            if turns or len(lines) < len(every) or not len(own) or ranks[0] == ranks[1]:  # as of cones
+                continue
+            points = np.reshape([line.points for line in lines], (len(lines), 6))
+            inverse, given = np.linalg.pinv(form), np.hstack([rows.values[every], slopes[every], points])
+            known = inverse @ given
+            if np.abs(form @ known - given).max() > DEFAULT.snap * self.size:
+                continue
+            play, moved, shifts = known[0, :shape], known[1:, :shape], known[1:, shape:-6]
+            lines_of_shift, amounts, _ = np.linalg.svd(shifts)
+            n, near, most = lines_of_shift[:, 0], DEFAULT.touch * self.size, np.abs(self.sizes.box).max(axis=1)
+            across = np.abs(moved - np.outer(n, n @ moved)) @ np.append(1.0, most)
+            faces = [true_faces(self.relations[k].request[role]) for role in ROLES]
+            ends = [along for along in (np.append(1.0, n), np.append(1.0, -n))
+                    if _meet_at(faces, lines[0].pairs, (along @ known[:, -6:]).reshape(2, 3))]  # fmt: skip
+            if play[0] + play[1:] @ self.sizes.middle - np.abs(play[1:]) @ self.sizes.half < -near:
+                why[k, feature] = "sizes may make the inner one wider than its recess, where it jams"
+            elif np.count_nonzero(amounts > DEFAULT.nominal) != 1:
+                why[k, feature] = "shifts in several directions close it at no one place"
+            elif across.max() > near:
+                why[k, feature] = "sizes move it across the motion"
+            elif len(ends) != 1:
+                why[k, feature] = "along the motion the faces do not meet"
+            else:
+                found[own] = 0.0
+                found[own[:, None], every] = ends[0] @ inverse
+        return found, why
+
     @property
     def of_facets(self) -> tuple[Body, ...]:
         """Bodies with a contact neither of plane faces nor of points at which round ones touch as drawn."""
@@ -290,6 +331,12 @@ class ContactGaps:
 def _pairs_of(line: FeaturePoints | _TruePoints) -> frozenset[tuple[int, int]]:
     """Return which true faces meet with a round one; none of a line of facets."""
     return line.pairs if isinstance(line, _TruePoints) else frozenset()
+
+
+def _meet_at(faces: Sequence[TrueFaces], pairs: frozenset[tuple[int, int]], points: Array) -> bool:
+    """Tell whether a point of each body, (2, 3), is on its patch, of one of some pairs of these."""
+    each = (zip(faces, pair, points, strict=True) for pair in pairs)
+    return any(all(own.has_points(patch, x[None])[0] for own, patch, x in met) for met in each)
 
 
 def by_contacts(scene: Scene, *, named: bool = True) -> str:

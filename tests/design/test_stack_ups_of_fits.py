@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scenes import X, Y, Z
 from step_bodies import run
@@ -182,6 +183,71 @@ def test_a_key_as_wide_as_its_slot_is_in_its_middle() -> None:
     assert rates(stack) == {"wall": -0.5}
     assert (stack.worst().least, stack.worst().largest) == pytest.approx((6.998, 7.002), abs=1e-9)
     assert [*stack.fits.values()] == [pytest.approx((-0.007, 0.007), abs=1e-12)] * 2  # each side, of both sizes
+    assert fo.verify(stack).passed
+
+
+ALONG_Y, RAISED = np.eye(4)[[0, 2, 1, 3]] * [[1], [-1], [1], [1]], 5.0 * np.outer(np.eye(4)[2], np.eye(4)[3])
+
+
+def strapped(*, motion: fo.Motion = Z, thicker: float = 0.0, at: float = 0.0, slot: float = 0.0) -> fo.Assembly:
+    """A pipe on a pad, in the half bore of a strap .4 above the pad: the strap rests on the pipe's crown."""
+    pipe = fo.Cylinder(5, 16, base=(0, 0, -8), name="pipe").moved(ALONG_Y + RAISED)
+    cuts = [fo.Cylinder(5, 20, base=(0, 0, -10)).moved(ALONG_Y + RAISED), fo.Box((10.2, 20, 6), centre=(0, 0, 2))]
+    cuts += [fo.Box((slot, 20, 6), centre=(0, 0, 9))] if slot else []
+    strap = fo.cut(fo.Box((20, 6, 13.6), centre=(0, 0, 7.2)), *cuts, name="strap")
+    sizes = [
+        fo.Size("diameter", "pipe", faces="cylinder radius 5", each=0.5, tolerance=(-0.25, thicker)),
+        fo.Size("foot", "strap", faces=[{"through": (x, 0, 0.4)} for x in (-8, 8)], each=1, tolerance=0.1),
+        fo.Size("at", "strap", faces="bore radius 5", along="x", tolerance=at),
+    ]
+    parts = [fo.Box((40, 20, 4), centre=(0, 0, -2), name="pad"), pipe, strap]
+    return fo.Assembly(parts, [("pipe", "pad"), ("strap", "pipe")], sizes, {"pipe": Z, "strap": motion}, unit="mm")
+
+
+def test_of_a_half_bore_the_crown_closes_on_a_thinner_pipe() -> None:
+    """.4 - foot + d: all directions of the half bore were to be closed at once, and it was refused."""
+    question = strapped()
+    stack = fo.stack_up(question, of=("strap", "pad"))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.05, 0.5), abs=1e-9)
+    assert rates(stack) == pytest.approx({"diameter": 1.0, "foot": -1.0})
+    assert stack.gap({"diameter": -0.1, "foot": 0.05}) == pytest.approx(0.25, abs=1e-9)
+    assert not stack.fits
+    assert [own.name.split(":")[0] for own in stack.loop.closed] == ["closed", "closed"]
+    assert fo.verify(stack).passed
+    made = question.changed(made="worst").made  # was an internal error, of a point next to no face
+    assert made["diameter"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"thicker": 0.05}, "wider than its recess, where it jams"),
+        ({"motion": X >> Z}, "shifts in several directions close it at no one place"),
+        ({"at": 0.05}, "sizes move it across the motion"),
+        ({"slot": 2.0}, "along the motion the faces do not meet"),
+    ],
+)
+def test_why_a_half_bore_is_not_closed_is_said(given, why) -> None:
+    with pytest.raises(fo.InputError, match=rf"bore of radius 5 of strap, cylinder of radius 5 of pipe \(.*{why}\)"):
+        fo.stack_up(strapped(**given), of=("strap", "pad"))
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "sphere"])
+def test_a_thinner_ball_or_pipe_sinks_in_its_recess(shape) -> None:
+    """1 - d - lid: by the diameter d, which it sinks by half of, and is lower by the other half."""
+    inner = fo.Sphere(5, name="inner")
+    if shape == "cylinder":
+        inner = fo.Cylinder(5, 16, base=(0, 0, -8), name="inner").moved(ALONG_Y)
+    block = fo.cut(fo.Box((20, 12, 10), centre=(0, 0, -5)), inner, name="block")
+    sizes = [
+        fo.Size("d", "inner", faces=f"{shape} radius 5", each=0.5, tolerance=(-0.2, 0.0)),
+        fo.Size("lid", "lid", faces="-z", tolerance=0.1),
+    ]
+    parts = [block, inner, fo.Box((20, 20, 2), centre=(0, 0, 7), name="lid")]
+    contacts = [("inner", "block"), {"parts": ("lid", "inner"), "goal": "clear"}]
+    stack = fo.stack_up(fo.Assembly(parts, contacts, sizes, {"inner": Z}))
+    assert (stack.worst().least, stack.worst().largest) == pytest.approx((0.9, 1.3), abs=1e-9)
+    assert rates(stack) == pytest.approx({"d": -1.0, "lid": -1.0})
     assert fo.verify(stack).passed
 
 

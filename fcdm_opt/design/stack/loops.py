@@ -146,7 +146,7 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
         pair = named[0]
     chosen = asked.index(pair) if pair in asked and faces is None else -1
     rows = np.array([k for k, line in enumerate(gaps.lines) if line.relation != chosen], np.int64)
-    motions, closing = _closed(gaps, weights, rows, base, slopes, fits)
+    motions, closing, met = _closed(gaps, weights, rows, base, slopes, fits)
     relation, drawn = relations[pair], AffineGaps(base.values + slopes @ motions, base.normals)
 
     @lru_cache(maxsize=256)
@@ -185,7 +185,7 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
         claim = replace(claim, permanent_faces=touching.permanent_faces if is_exact else None, within=touching.between,
                         permanent=[own.parts for own in touching.permanent])  # fmt: skip
     each = (own for k in range(len(asked)) if k != chosen
-            for own in _claims(gaps, k, drawn, motions, assembly.sizes, closed_at))  # fmt: skip
+            for own in _claims(gaps, k, met @ drawn.values, motions, assembly.sizes, closed_at))  # fmt: skip
     still = [replace(own, second_order=second) for own in each]
     times = np.arange(1.0, slopes.shape[1] + 1.0)  # any weights but the ones asked for
     off = opened(chosen, times)[0] - motions
@@ -326,7 +326,7 @@ def _claim(
 
 
 def _claims(
-    gaps: ContactGaps, chosen: int, drawn: AffineGaps, motions: Array, sizes: Sequence[Size], closed_at: ClosedAt
+    gaps: ContactGaps, chosen: int, drawn: Array, motions: Array, sizes: Sequence[Size], closed_at: ClosedAt
 ) -> Iterator[GapClaims]:
     """Yield what is told of each contact of a relation that stays closed, or has the play of its fit."""
     still, claim = (0.0, gaps.sizes.middle), _claim(gaps, gaps.relations[chosen], motions, sizes, closed_at)
@@ -334,7 +334,7 @@ def _claims(
     for own in gaps.claims(gaps.transforms(motions[:, 0])):
         if own.bodies == claim.bodies and own.contact is not None:
             rows = gaps.contacts[chosen, own.contact[0]]
-            play = AffineGaps(drawn.values[rows], drawn.normals[rows])
+            play = AffineGaps(drawn[rows], np.empty((len(rows), 3)))
             ends = range_of(play, gaps.sizes.box, None)
             least, largest = (still, still) if max(abs(gap) for gap, _ in ends) <= near else ends
             name = f"{'closed: ' if least is largest else FIT}{own.name}"
@@ -364,12 +364,13 @@ def _fits(gaps: ContactGaps, normals: Array) -> Array:
 
 def _closed(
     gaps: ContactGaps, weights: Array, rows: Ints, base: AffineGaps, slopes: Array, fits: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Return the least motions that close rows, but for the play of fits, (q, 1 + k): at sizes of 0, and by each.
 
-    And what makes weighted motions, and plays, of the rows' gaps, (q + f, m).
+    And what makes weighted motions, and plays, of the rows' gaps, (q + f, m); and of all rows those that are closed.
     """
-    values, slopes, fits = base.values[rows], slopes[rows], fits[rows]
+    met, why = gaps.met_along(base, slopes, fits)
+    values, slopes, fits = (met @ base.values)[rows], (met @ slopes)[rows], fits[rows]
     closing = -np.linalg.pinv(np.hstack([slopes / weights, -fits]), rcond=DEFAULT.nominal)
     unknown = closing @ values
     motions = unknown[: len(weights)] / weights[:, None]
@@ -377,8 +378,9 @@ def _closed(
     open_ = off[:, 0] + off[:, 1:] @ np.abs(gaps.sizes.box).max(axis=1)
     if open_.max(initial=0.0) > DEFAULT.touch * gaps.size:
         lines = [gaps.lines[k] for k in rows[open_ > DEFAULT.touch * gaps.size].tolist()]
-        named = "; ".join(dict.fromkeys(gaps.words(own.relation, own.feature) for own in lines))
+        texts = (gaps.words(*own[:2]) + (f" ({why[own[:2]]})" if own[:2] in why else "") for own in lines)
+        named = "; ".join(dict.fromkeys(texts))
         what = f"the other contacts cannot all be closed at once within these tolerances: {named}"
         allowed = "two parts whose contacts close this loop; where parts turn, feet with round or pointed ends"
         raise InputError(what, key="of", found=float(open_.max()), allowed=allowed)
-    return motions, closing
+    return motions, closing, met
