@@ -197,21 +197,6 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
                 chosen >= 0, tuple(own for own in still if own.least != own.largest), second)  # fmt: skip
 
 
-def decisive(assembly: Assembly, places: Array) -> Array:
-    """Return those of some sizes, (n, k), that decide whether parts fit, and how far they move, all contacts closed.
-
-    Each two parts that are to be clear have their least gap at one of them, of several that with the largest motion,
-    and at one the motion is the largest. Raises `InputError` as `assembly_loop`.
-    """
-    gaps, base, slopes = _rows_of_motions(assembly)
-    weights = np.array([own.weight for own in assembly.coordinates])
-    motions = _closed(gaps, weights, np.arange(len(slopes)), base, slopes, _fits(gaps, base.normals))[0]
-    amounts = np.linalg.norm(weights * (motions[:, 0] + places @ motions[:, 1:].T), axis=1)
-    least = [assembly_loop(assembly, own).touching.gap(places) for own in assembly.kept_clear]
-    near = [np.flatnonzero(own <= own.min() + DEFAULT.tie * assembly.size) for own in (*least, -amounts)]
-    return places[sorted({int(own[amounts[own].argmax()]) for own in near})]
-
-
 def _rows_of_motions(assembly: Assembly | Problem, *, needed: bool = True) -> tuple[ContactGaps, AffineGaps, Array]:
     """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
     check_sizes(assembly.sizes)
