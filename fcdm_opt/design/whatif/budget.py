@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import cycle, product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -467,8 +467,8 @@ class _Tolerances:
 
     @cached_property
     def every(self) -> Array:
-        """Each size at either end, in every combination, (n, k), in any order."""
-        return np.random.default_rng(0).permutation([*product(*map(sorted, map(set, self.shape.tolist())))])
+        """Each size at either end, in every combination, (n, k)."""
+        return np.array([*product(*map(sorted, map(set, self.shape.tolist())))])
 
     @cached_property
     def one_by_one(self) -> bool:
@@ -652,11 +652,10 @@ class _Tolerances:
 
         In any order: one that is bad there ends earlier, and of n about log n do. Source: Seidel (1991).
         """
-        (low, high), asked, good = self._scanned(), 0, 1
+        (low, high), every, good = self._scanned(), cycle(np.random.default_rng(0).permutation(self.every)), 0
         while low is not None and good < len(self.every):
-            asked = (asked + 1) % len(self.every)
             other = replace(self, points={tau: own for tau, own in self.points.items() if not own.good}, questions={})
-            other.corners = self.every[[asked]]
+            other.corners = next(every)[None]
             point = other.at(low.tau)
             if point.good:
                 low, good = max(low, point, key=lambda own: own.amount), good + 1
