@@ -141,8 +141,10 @@ class Budget(Plain):
 
     def tolerance_text(self, digits: int = 6) -> str:
         """Return the tolerance in words: a share of the scales, or a deviation of sizes; whether that is none."""
+        if self.solution is None:
+            return "not known" if self.end is End.TIME else "not even as drawn"
         if self.end is not End.TIME and not self.tolerance:
-            return "not even as drawn" if self.solution is None else "only as drawn"
+            return "only as drawn"
         return _measured(self.tolerance, self.of_scales, self.unit, digits)
 
     def sizes_text(self, digits: int = 6) -> str:
@@ -253,7 +255,7 @@ class Budgets(Mapping[str, Budget]):
         if "corners" in self.each:
             return NO_GUARANTEE.format("", "")
         least = min(self.each.values(), key=lambda one: one.tolerance)
-        return NO_GUARANTEE.format(OWN_CORNER.format(least.tolerance_text()), "looked at ")
+        return NO_GUARANTEE.format(OWN_CORNER.format(least.tolerance_text()) * bool(least.tolerance), "looked at ")
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""
@@ -537,6 +539,10 @@ class _Tolerances:
             return tuple(size.name for size in self.problem.sizes)
         return tuple(self.problem.parts) if isinstance(self.problem, Assembly) else ()
 
+    def measured(self, tau: float, digits: int = 6) -> str:
+        """Return a tolerance in words."""
+        return _measured(tau, not self.names or self.letter in OF_SCALES, self.problem.unit, digits)
+
     @property
     def smallest(self) -> float:
         """The tolerance from which on the judge can tell."""
@@ -570,7 +576,10 @@ class _Tolerances:
             good = (point for tau, point in self.points.items() if tau < bad and not self.one_by_one)
             low = max(good, key=lambda own: own.tau, default=None)
             high = low and self.points.get(bad)
-            found = self._result(low, high, Order.ANY, late.why, self.largest / self.cells)
+            why = late.why
+            if low is None and bad < np.inf:
+                why += f", and {self.measured(bad)} is bad"
+            found = self._result(low, high, Order.ANY, why, self.largest / self.cells)
             return found if high is not None else replace(found, end=End.TIME)
 
     def _found(self) -> Budget:
@@ -582,17 +591,13 @@ class _Tolerances:
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
             low, high = self._of_every_corner() if self.one_by_one else self._scanned()
-            of_scales = not self.names or self.letter in OF_SCALES
-            every, begin, finest = (
-                _measured(tau, of_scales, self.problem.unit, 3) for tau in (spacing, first, spacing / 2**SPLITS)
-            )
+            every, begin, finest = (self.measured(tau, 3) for tau in (spacing, first, spacing / 2**SPLITS))
             why += f": sampled every {every} from {begin}, down to {finest} at changes"
             if self.hurried < np.inf:
-                why += f", but from {_measured(self.hurried, of_scales, self.problem.unit, 3)} on"
+                why += f", but from {self.measured(self.hurried, 3)} on"
                 why += f" not at these: {LOOKS * self.cells} were looked at by then"
             if self.one_by_one and low is not None:
-                there = _measured(low.tau, of_scales, self.problem.unit, 6)
-                why += f": below {there} at one corner, there at all {len(self.every)}"
+                why += f": below {self.measured(low.tau)} at one corner, there at all {len(self.every)}"
         with suppress(InputError):  # of questions that do not hold of parts as drawn
             if low is None:
                 drawn = self.at(0.0)
