@@ -576,9 +576,7 @@ class _Tolerances:
             good = (point for tau, point in self.points.items() if tau < bad and not self.one_by_one)
             low = max(good, key=lambda own: own.tau, default=None)
             high = low and self.points.get(bad)
-            why = late.why
-            if low is None and bad < np.inf:
-                why += f", and {self.measured(bad)} is bad"
+            why = late.why + (f", and {self.measured(bad)} is bad" if low is None and bad < np.inf else "")
             found = self._result(low, high, Order.ANY, why, self.largest / self.cells)
             return found if high is not None else replace(found, end=End.TIME)
 
