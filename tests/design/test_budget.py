@@ -490,6 +490,27 @@ def test_sizes_of_an_assembly_that_jam_against_each_other_were_good_all_low_and_
     assert budget(scene, 0.2, requirements=["low"], accuracy=1e-2)["low"].tolerance > 0.05
 
 
+@pytest.mark.slow
+def test_parts_that_are_not_declared_clear_were_let_overlap_at_corners_of_many_sizes() -> None:
+    """A block, a divider and a block in a row, .3 before a stop: their lengths and its place take up 1.1 tau each side.
+
+    So they stand in the stop beyond .3 / 2.2 of their largest tolerance; the rise of the first one's top is the fifth.
+    """
+    places = {"block A": (0, 30), "divider": (30, 32), "block B": (32, 62)}
+    blocks = [Box((b - a, 20, 10), centre=((a + b) / 2, 10, 5), name=part) for part, (a, b) in places.items()]
+    floor, stops = Box((90, 40, 8), centre=(30, 10, -4)), [Box((8, 40, 10), centre=(x, 10, 5)) for x in (-4, 66.3)]
+    sizes = [Size(part, part, faces="+x", tolerance=t) for part, t in zip(places, (0.05, 0.02, 0.05), strict=True)]
+    sizes.append(Size("stop", "base", faces=[{"through": (62.3, 10, 5)}], each=-1.0, tolerance=0.1))
+    sizes.append(Size("height", "block A", faces="+z", tolerance=0.03))
+    pairs = [("block A", "base"), ("divider", "block A"), ("block B", "divider"), ("block B", "base")]
+    motions = dict.fromkeys(places, X)
+    scene: Any = Assembly([*blocks, fo.joined(floor, *stops, name="base")], pairs, sizes, motions)
+    found = budget(scene, 0.3, accuracy=1e-2)["corners"]
+    assert found.tolerance == pytest.approx(0.3 / 2.2, rel=1e-2)
+    assert found.end is End.NO_MOTION
+    assert found.reason.endswith(f"below {found.tolerance:.6g} at one corner, there at all 32")
+
+
 def test_the_tolerance_of_a_budget_was_not_told_as_a_share_of_those_given(capsys: pytest.CaptureFixture[str]) -> None:
     """A block that grows by .1 t towards two posts, one of which grows by .05 t: back by .15 t, at most .3."""
     block = fo.Box((10, 10, 10), name="block")

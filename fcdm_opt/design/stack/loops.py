@@ -107,7 +107,12 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
     where contacts cannot all be closed within the tolerances, and for parts that are none.
     """
     faces = None if of is None else TwoFaces.of(assembly, of)
-    gaps, base, slopes = _rows_of_motions(assembly, needed=faces is None)
+    check_sizes(assembly.sizes)
+    names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
+    gaps = ContactGaps(assembly, Sizes(box), names, own=True, needed=faces is None)
+    rest, step = np.zeros(len(assembly.coordinates)), 1.0 if assembly.shifts else TURN  # of shifts all are exact
+    base = gaps.rows(gaps.transforms(rest))
+    slopes = _derivative(lambda q: gaps.rows(gaps.transforms(q)).values[:, 0], rest, step)
     fits, relations = _fits(gaps, base.normals), relations_of(assembly)
     weights = np.array([own.weight for own in assembly.coordinates])
     asked = [pair for pair in relations if relations[pair] in gaps.relations]
@@ -195,31 +200,6 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
     parts = ("", "") if isinstance(assembly, Problem) else pair
     return Loop(touching, claim, of_facets, tuple(still), weighted, assembly.sizes, parts,
                 chosen >= 0, tuple(own for own in still if own.least != own.largest), second)  # fmt: skip
-
-
-def decisive(assembly: Assembly, places: Array) -> Array:
-    """Return those of some sizes, (n, k), that decide whether parts fit, and how far they move, all contacts closed.
-
-    Each two parts that are to be clear have their least gap at one of them, of several that with the largest motion,
-    and at one the motion is the largest. Raises `InputError` as `assembly_loop`.
-    """
-    gaps, base, slopes = _rows_of_motions(assembly)
-    weights = np.array([own.weight for own in assembly.coordinates])
-    motions = _closed(gaps, weights, np.arange(len(slopes)), base, slopes, _fits(gaps, base.normals))[0]
-    amounts = np.linalg.norm(weights * (motions[:, 0] + places @ motions[:, 1:].T), axis=1)
-    least = [assembly_loop(assembly, own).touching.gap(places) for own in assembly.kept_clear]
-    near = [np.flatnonzero(own <= own.min() + DEFAULT.tie * assembly.size) for own in (*least, -amounts)]
-    return places[sorted({int(own[amounts[own].argmax()]) for own in near})]
-
-
-def _rows_of_motions(assembly: Assembly | Problem, *, needed: bool = True) -> tuple[ContactGaps, AffineGaps, Array]:
-    """Return the contacts that are to meet, their rows at rest, and how these change a unit of each motion, (m, q)."""
-    check_sizes(assembly.sizes)
-    names, box = [size.name for size in assembly.sizes], tolerance_boxes(assembly.sizes)
-    gaps, count = ContactGaps(assembly, Sizes(box), names, own=True, needed=needed), len(assembly.coordinates)
-    base = gaps.rows(gaps.transforms(np.zeros(count)))
-    step = 1.0 if assembly.shifts else TURN  # of shifts all are exact
-    return gaps, base, _derivative(lambda q: gaps.rows(gaps.transforms(q)).values[:, 0], np.zeros(count), step)
 
 
 def _derivative(of: Callable[[Array], Array], at: Array, step: float) -> Array:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import cycle, product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from fcdm_opt import pacing
 from fcdm_opt.curve.touching_sizes import TouchingSizes
 from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
 from fcdm_opt.design.sizes import by_name, not_counted, tolerance_boxes
-from fcdm_opt.design.stack.loops import decisive
 from fcdm_opt.design.whatif.fitting import NOT_MET, Order, barred_text, narrowed, order
 from fcdm_opt.errors import InputError, expected, known_arguments, known_word
 from fcdm_opt.geometry.arrays import Array, frozen
@@ -142,8 +141,10 @@ class Budget(Plain):
 
     def tolerance_text(self, digits: int = 6) -> str:
         """Return the tolerance in words: a share of the scales, or a deviation of sizes; whether that is none."""
+        if self.solution is None:
+            return "not known" if self.end is End.TIME else "not even as drawn"
         if self.end is not End.TIME and not self.tolerance:
-            return "not even as drawn" if self.solution is None else "only as drawn"
+            return "only as drawn"
         return _measured(self.tolerance, self.of_scales, self.unit, digits)
 
     def sizes_text(self, digits: int = 6) -> str:
@@ -254,7 +255,7 @@ class Budgets(Mapping[str, Budget]):
         if "corners" in self.each:
             return NO_GUARANTEE.format("", "")
         least = min(self.each.values(), key=lambda one: one.tolerance)
-        return NO_GUARANTEE.format(OWN_CORNER.format(least.tolerance_text()), "looked at ")
+        return NO_GUARANTEE.format(OWN_CORNER.format(least.tolerance_text()) * bool(least.tolerance), "looked at ")
 
     def __str__(self) -> str:
         """Return a line for each requirement, and what corners of several sizes leave open."""
@@ -294,9 +295,9 @@ def budget(
     requirements : "all", or sequence of letters, optional
         Default all four. Of sizes the corners of their box: "worst" (the least gap as drawn), "loosest" (the largest),
         "low" and "high" (all at their least, their largest), "corners" (each at either end, in every combination, of
-        up to 8 sizes); default of two to four sizes "corners", of up to 8 of an assembly whose motions only shift, of
-        which those are solved that decide by the rows of `stack_up`; else "worst" and "loosest", as where the motion of
-        "worst" clears all, and of surfaces, of scales that turn faces and of other assemblies "low" and "high". Of the
+        up to 8 sizes); default of two to four sizes "corners", of up to 8 of an assembly whose motions only shift (of
+        more than four all at `tolerance`, one below it); else "worst" and "loosest", as where the motion of "worst"
+        clears all, and of surfaces, of scales that turn faces and of other assemblies "low" and "high". Of the
         scales of an assembly's parts "made" (in proportion as they are off), and all "larger" or "smaller" alike;
         default "made", of parts as drawn the two others.
     largest : float, optional
@@ -467,14 +468,20 @@ class _Tolerances:
         return _touching(*map(fit_for_sizes, self.problem.at_scales.values(), own), sizes)
 
     @cached_property
+    def every(self) -> Array:
+        """Each size at either end, in every combination, (n, k)."""
+        return np.array([*product(*map(sorted, map(set, self.shape.tolist())))])
+
+    @cached_property
+    def one_by_one(self) -> bool:
+        """Whether each corner is looked at by itself: of many, with an assembly to be solved at each."""
+        many = self.letter == "corners" and isinstance(self.problem, Assembly) and self.problem.shifts
+        return many and len(self.every) > 2**FEW
+
+    @cached_property
     def corners(self) -> Array:
-        """Each size at either end, in every combination, (n, k); of many of an assembly those that decide, if known."""
-        every = np.array([*product(*map(sorted, map(set, self.shape.tolist())))])
-        with suppress(InputError):
-            scene = self.asked(self.largest, {}) if len(every) > 2**FEW else None
-            if isinstance(scene, Assembly) and scene.shifts:
-                return decisive(scene, self.largest * every) / self.largest
-        return every
+        """Those that are asked at each tolerance, (n, k)."""
+        return self.every[: 1 if self.one_by_one else None]
 
     def sizes(self, tau: float) -> list[Size]:
         """Return the sizes with this tolerance."""
@@ -532,6 +539,10 @@ class _Tolerances:
             return tuple(size.name for size in self.problem.sizes)
         return tuple(self.problem.parts) if isinstance(self.problem, Assembly) else ()
 
+    def measured(self, tau: float, digits: int = 6) -> str:
+        """Return a tolerance in words."""
+        return _measured(tau, not self.names or self.letter in OF_SCALES, self.problem.unit, digits)
+
     @property
     def smallest(self) -> float:
         """The tolerance from which on the judge can tell."""
@@ -562,9 +573,11 @@ class _Tolerances:
             return self._found()
         except pacing.TimeOverError as late:
             bad = min((tau for tau, point in self.points.items() if not point.good), default=np.inf)
-            good = (point for tau, point in self.points.items() if tau < bad)
-            low, high = max(good, key=lambda own: own.tau, default=None), self.points.get(bad)
-            found = self._result(low, high, Order.ANY, late.why, self.largest / self.cells)
+            good = (point for tau, point in self.points.items() if tau < bad and not self.one_by_one)
+            low = max(good, key=lambda own: own.tau, default=None)
+            high = low and self.points.get(bad)
+            why = late.why + (f", and {self.measured(bad)} is bad" if low is None and bad < np.inf else "")
+            found = self._result(low, high, Order.ANY, why, self.largest / self.cells)
             return found if high is not None else replace(found, end=End.TIME)
 
     def _found(self) -> Budget:
@@ -575,15 +588,14 @@ class _Tolerances:
                 lie, why = order(self.asked(low.tau, self.made(low.tau)[0]), self.letter)
         if lie is Order.ANY:
             spacing, first = self.largest / self.cells, self.smallest
-            low, high = self._scanned()
-            of_scales = not self.names or self.letter in OF_SCALES
-            every, begin, finest = (
-                _measured(tau, of_scales, self.problem.unit, 3) for tau in (spacing, first, spacing / 2**SPLITS)
-            )
+            low, high = self._of_every_corner() if self.one_by_one else self._scanned()
+            every, begin, finest = (self.measured(tau, 3) for tau in (spacing, first, spacing / 2**SPLITS))
             why += f": sampled every {every} from {begin}, down to {finest} at changes"
             if self.hurried < np.inf:
-                why += f", but from {_measured(self.hurried, of_scales, self.problem.unit, 3)} on"
+                why += f", but from {self.measured(self.hurried, 3)} on"
                 why += f" not at these: {LOOKS * self.cells} were looked at by then"
+            if self.one_by_one and low is not None:
+                why += f": below {self.measured(low.tau)} at one corner, there at all {len(self.every)}"
         with suppress(InputError):  # of questions that do not hold of parts as drawn
             if low is None:
                 drawn = self.at(0.0)
@@ -637,6 +649,23 @@ class _Tolerances:
                 return self._narrowed(*crossing)
             low = high
         return low, None
+
+    def _of_every_corner(self) -> tuple[_Point | None, _Point | None]:
+        """Return as `_scanned`, of the corner that ends first: each other one is good at the last good tolerance, too.
+
+        In any order: one that is bad there ends earlier, and of n about log n do. Source: Seidel (1991).
+        """
+        (low, high), every, good = self._scanned(), cycle(np.random.default_rng(0).permutation(self.every)), 0
+        while low is not None and good < len(self.every):
+            other = replace(self, points={tau: own for tau, own in self.points.items() if not own.good}, questions={})
+            other.corners = next(every)[None]
+            point = other.at(low.tau)
+            if point.good:
+                low, good = max(low, point, key=lambda own: own.amount), good + 1
+            else:
+                vars(self).update(vars(other))
+                (low, high), good = self._scanned(), 1
+        return low, high
 
     def _crossing(self, low: _Point, high: _Point, finest: float) -> tuple[_Point, _Point] | None:
         """Return a good tolerance and a bad one with one crossing between them, the first; None where all are good."""
