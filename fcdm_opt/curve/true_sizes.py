@@ -84,7 +84,7 @@ def _without_hidden(pairs: tuple[PairRows, ...], box: Array) -> tuple[PairRows, 
     for own in pairs:
         others = [other.values[0] for other in kept if len(other.values) == 1 and other is not own]
         if len(own.values) == 1 and others:
-            near = DEFAULT.tie * float(np.abs(own.values).max())
+            near = DEFAULT.nominal * float(np.abs(own.values).max())
             if least_of(own.values - np.array(others), box)[0] >= -near:
                 kept = [other for other in kept if other is not own]
     return tuple(kept)
