@@ -47,7 +47,8 @@ class Plain:
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild what told all its fields; raises `InputError` for anything else."""
         kinds, every = get_type_hints(cls), fields(cls)  # type: ignore[arg-type]
-        names = [item.name for item in every if item.name in (cls.plain_names or kinds) or item.default is MISSING]
+        listed = {*(cls.plain_names or kinds), *data}
+        names = [item.name for item in every if item.name in listed or item.default is MISSING]
         try:
             return cls(**{name: _read(kinds[name], data[name]) for name in names})
         except InputError:

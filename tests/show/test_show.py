@@ -40,7 +40,7 @@ from fcdm_opt.show.plots import before_after_figure, decision_curve_figure
 from fcdm_opt.show.raster import Raster
 from fcdm_opt.show.scene import (
     COLOURS,
-    MOST_TOLD,
+    MOST_NAMED,
     MOVES,
     ShownBodies,
     _cut_open,
@@ -436,7 +436,7 @@ def test_what_touches_inside_a_part_looked_as_if_it_lay_on_the_outside() -> None
     assert "cut open at the contact; thin lines: what is cut away" in texts(scene_figure(shown, contacts=[foot]))
     with pytest.MonkeyPatch.context() as patch:  # a report ended with an error where a section meets none of many
         patch.setattr(Cut, "met", lambda *_: [])
-        assert "in contact" in texts(scene_figure(shown, contacts=[foot] * (MOST_TOLD + 1)))
+        assert "in contact" in texts(scene_figure(shown, contacts=[foot] * (MOST_NAMED + 1)))
     whole = Raster(page, np.full(2, -6.0), np.full(2, 6.0), 600)
     opened, (cut, _) = whole.empty(), Cut.through([foot], bodies, page)
     assert cut is not None

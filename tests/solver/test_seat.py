@@ -423,7 +423,7 @@ def test_contacts_that_share_a_point_are_refused_by_their_name(configuration):
 
 
 def test_without_contact_it_is_refused_with_the_gap():
-    with pytest.raises(InputError, match=r"gap there is 0\.5") as caught:
+    with pytest.raises(InputError, match=r"are 0\.5 apart as drawn") as caught:
         problem(BLOCK.shifted((0, 0, "0.5")), FLOOR, target=(1.1, 1.0), goal="seat")
     assert caught.value.key == "nominal"
 

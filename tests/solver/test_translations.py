@@ -176,7 +176,7 @@ def test_the_search_of_several_contacts_takes_no_keep_out_for_the_part_to_touch(
 
 
 def test_too_many_ways_are_left_to_the_program(monkeypatch):
-    monkeypatch.setattr(best_first, "MOST_WAYS", 3)
+    monkeypatch.setattr(best_first, "MOST_CHOICES", 3)
     post, other = corners((0.5, -9, 0.2), (9, 9, 0.4)), corners((0.7, -9, 0.4), (9, 9, 9))
     asked = fo.Problem(
         fo.Body.convex(corners((-1, -1, -1), (1, 1, 1))),
