@@ -87,7 +87,7 @@ def draw(kind: str, example: int, name: str) -> Any:
     if kind == "before and after":
         return before_after_figure(asked, solution, title=TITLE, caption="a caption")
     moved = decision_curve(asked.movable, asked.static, transform=solution.transform)
-    placed = {"rho": solution.rho, "transform": solution.transform, "said": asked.published_text}
+    placed = {"rho": solution.rho, "transform": solution.transform, "banner": asked.published_text}
     shown = ShownBodies.of(asked.movable, asked.static, **placed)
     return scene_figure(shown, contacts=contacts_of(moved, solution.rho, shown), title=TITLE, caption="a caption")
 
