@@ -31,6 +31,7 @@ FARTHEST = 10.0  # sizes: see `farthest`
 ACROSS = 2.0  # a column this much wider than its last stretch is split
 FIRST = {1: 1, 2: 4, 3: 2}  # parts of each range of directions to begin with; 1 for more parameters
 STALLED = 1e-8  # stretch, relative to the front: shorter ones are not tried
+TURNS, ENDS = 3, 8  # runs, while a search from the least columns at the end of one finds better motions; so many
 SLOW, CALLS = 1e-3, 12  # stretch at which a column that holds the bound back is searched, and searches at most
 
 
@@ -146,20 +147,24 @@ def prove(
     search_ = _Search(task, upper, search)
     scene, record = Exclusion(task, upper, swollen=not checked), Record()
     columns = Columns.all(len(task.weights), search_.enough(aims[0][0]) / 16.0)
-    looked = 0
-    for gap, most in aims:
-        while looked < most and not pacing.over():
-            enough = search_.enough(gap)
-            bounds = np.where(columns.stalled, np.inf, columns.bounds)
-            waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
-            if not len(waiting):
-                break
-            rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
-            looked += _advance(scene, columns, record, rows, enough)
-            if pacing.has_listeners():
-                found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
-                pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
-            search_.improve(columns)
+    for _ in range(TURNS):
+        looked = 0
+        for gap, most in aims:
+            while looked < most and not pacing.over():
+                enough = search_.enough(gap)
+                bounds = np.where(columns.stalled, np.inf, columns.bounds)
+                waiting = np.flatnonzero(bounds < (enough if task.weighted else farthest(task)))
+                if not len(waiting):
+                    break
+                rows = waiting[np.argsort(bounds[waiting], kind="stable")[:BATCH]]
+                looked += _advance(scene, columns, record, rows, enough)
+                if pacing.has_listeners():
+                    found = f"{search_.upper:.4g}" if np.isfinite(search_.upper) else "none yet"
+                    pacing.at(f"proving: at least {bounds.min():.4g}, found {found}")
+                search_.improve(columns)
+        closed = columns.bounds.min() >= search_.enough(aims[-1][0])
+        if closed or pacing.over() or not search_.ahead(columns):
+            break
     if not np.isfinite(search_.upper):
         _close_beyond(scene, columns, record)
     bound = min(float(columns.bounds.min()), *([] if task.weighted else [search_.enough(gap), *record.open]), np.inf)
@@ -192,11 +197,26 @@ class _Search:
         if not slow or not bounds[row] < self.upper or columns.stride[row] > 0.1 * self.tried:
             return
         self.calls, self.tried = self.calls + 1, columns.stride[row]
+        if self._better(columns, row):
+            self.tried = np.inf
+
+    def ahead(self, columns: Columns) -> bool:
+        """Search from where the least columns of all stand; tell whether that found something better."""
+        bounds = columns.bounds
+        rows = np.argsort(bounds, kind="stable")[:ENDS]
+        found = [self._better(columns, int(row)) for row in rows if bounds[row] < self.upper]
+        return any(found)
+
+    def _better(self, columns: Columns, row: int) -> bool:
+        """Search from where a column stands; keep what is better than the best motion known, and tell whether it is."""
         at = np.array([row])
         y = columns.cells(at, columns.front[at] + columns.stride[at]).coordinates(over=False)
-        found = self.search(np.array([own.middle[0] for own in y]) / self.task.weights)
-        if found is not None and self.task.amount(found) < self.upper:
-            self.q, self.upper, self.tried = found, self.task.amount(found), np.inf
+        q = np.array([own.middle[0] for own in y]) / self.task.weights
+        found = None if self.search is None else self.search(q)
+        if found is None or not self.task.amount(found) < self.upper:
+            return False
+        self.q, self.upper = found, self.task.amount(found)
+        return True
 
 
 def _close_beyond(scene: Exclusion, columns: Columns, record: Record) -> None:
