@@ -243,6 +243,7 @@ def test_the_width_of_a_slot_beside_a_hole_had_no_derivative(ends: bool) -> None
 
 
 @pytest.mark.parametrize("motion", [X >> Y, pytest.param(X >> fo.Rotation("y"), marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_peg_turned_about_its_own_axis_had_no_derivative_of_the_motion(motion) -> None:
     """Turned so it is the same solid, whatever holds the motion."""
     asked = in_bore(9.0, (0.7, 0.2), motion).changed(goal="clear", clearance=0.5)

@@ -1075,6 +1075,7 @@ def test_a_motion_that_two_proofs_are_about_counts_once() -> None:
     assert checks["proof: lower bound"].value <= 0.01
 
 
+@pytest.mark.slow
 def test_why_no_motions_meet_an_assembly_was_not_said_which_it_is() -> None:
     """A block .05 larger goes .1 from the wall on its other side: past a limit, or into a block that is .05 off.
 

@@ -163,6 +163,7 @@ def test_the_size_that_is_beyond_its_tolerance_is_advised_first_and_no_other_is_
     assert [*fitting.mending_sizes(problem)] == ["key", "slot"]
 
 
+@pytest.mark.slow
 def test_a_distance_of_pins_that_only_a_turn_or_the_size_beside_it_mends_was_answered_by_the_spacing() -> None:
     """Pins of 9.9 in bores of 10, 40 apart, one .12 aside, across: 40.0002 in 40 once turned, spacing does nothing."""
     pins = [fo.Cylinder(4.95, 16, base=(x, 0, -10)) for x in (-20, 20)]

@@ -467,6 +467,7 @@ def test_sizes_without_a_curve_had_an_empty_chart_and_a_phone_named_columns_by_o
     opened.context.close()
 
 
+@pytest.mark.slow
 def test_a_report_on_sizes_had_a_curve_of_scales_and_no_stack_up_on_paper(browser, tmp_path):
     from fcdm_opt.show.report.gather import gather
     from fcdm_opt.show.report.page import page
@@ -501,6 +502,7 @@ def test_a_report_on_sizes_had_a_curve_of_scales_and_no_stack_up_on_paper(browse
     opened.context.close()
 
 
+@pytest.mark.slow
 def test_a_tall_box_and_its_lid_fill_the_frame_and_are_cut_open_across_the_rim(browser, tmp_path):
     """They ran out of the frame, and the plane lay in the front wall: the room within stayed shut."""
     from fcdm_opt.show.report.gather import gather

@@ -284,6 +284,7 @@ def test_a_keep_out_that_the_restored_roller_would_meet() -> None:
 
 
 @pytest.mark.parametrize("asked", [{"goal": "at"}, pytest.param({"contacts": "all"}, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_the_question_of_an_answer_was_the_one_that_was_solved_inside(asked: dict[str, str]) -> None:
     """Goal "touch" without contacts: of other sizes it asks for less, and its plain data asked for something else."""
     corner = fo.cut(fo.Box((24, 24, 24), centre=(10, 10, 10)), fo.Box((24, 24, 24), centre=(12, 12, 12)))

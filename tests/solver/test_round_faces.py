@@ -939,6 +939,7 @@ def test_the_best_pose_of_a_pin_along_two_axes_was_that_of_facets() -> None:
     assert found.lower_bound <= 0.02
 
 
+@pytest.mark.slow
 def test_a_ball_on_the_rim_of_a_hole_had_gaps_along_facets() -> None:
     """Its centre h above a rim of radius 6, its gap is sqrt(h h + 36) - r: the same either way for the middle r."""
     hole = fo.cut(plate(6.0), fo.Box((50, 50, 20), centre=(0, 0, 20)), name="hole")  # its rim is 10 high
