@@ -29,9 +29,10 @@ from fcdm_opt.geometry.facet_errors import all_recognised, known_to, may_be_roun
 from fcdm_opt.geometry.files import STEP, called, chosen_solid
 from fcdm_opt.geometry.matching import matched
 from fcdm_opt.geometry.moving_faces import between_planes
-from fcdm_opt.geometry.naming import ROUND, ROUND_KINDS, described_faces, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import described_faces, names_of_rows
 from fcdm_opt.geometry.polygons import components
 from fcdm_opt.geometry.resizing import Resizing, fit_for_sizes
+from fcdm_opt.geometry.round_recognition import ROUND, ROUND_KINDS, round_faces
 from fcdm_opt.geometry.size import Size, direction, spans
 from fcdm_opt.geometry.tessellation import TESSELLATED
 from fcdm_opt.geometry.units import NANOMETRES, Unit, number_text, signed

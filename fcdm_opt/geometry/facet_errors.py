@@ -21,21 +21,20 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_p
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, short_decimals, unit_normals, units
-from fcdm_opt.geometry.naming import (
+from fcdm_opt.geometry.naming import MANY, rows_at
+from fcdm_opt.geometry.polygons import by_size, components
+from fcdm_opt.geometry.pyramids import pyramids
+from fcdm_opt.geometry.round_recognition import (
     FEWEST,
     GENTLE,
-    MANY,
     ROUNDED,
     Label,
     Round,
     neighbours,
     normals_of_faces,
     round_faces,
-    rows_at,
     side_by_side,
 )
-from fcdm_opt.geometry.polygons import by_size, components
-from fcdm_opt.geometry.pyramids import pyramids
 from fcdm_opt.geometry.tessellation import TESSELLATED, RoundFaces, Swept
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.tolerances import DEFAULT

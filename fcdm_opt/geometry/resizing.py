@@ -30,11 +30,12 @@ from fcdm_opt.geometry.moving_faces import (
     side_of,
     split_corner,
 )
-from fcdm_opt.geometry.naming import GENTLE, faces_text, neighbours
+from fcdm_opt.geometry.naming import faces_text
 from fcdm_opt.geometry.partition import RULES
 from fcdm_opt.geometry.patches import true_faces
 from fcdm_opt.geometry.polygons import area, components, inside
 from fcdm_opt.geometry.pyramids import apexes, pyramids
+from fcdm_opt.geometry.round_recognition import GENTLE, neighbours
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.surface import Surface
 from fcdm_opt.geometry.true_resizing import (

@@ -14,16 +14,9 @@ from fcdm_opt.errors import InputError, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.measures import cross
-from fcdm_opt.geometry.naming import (
-    ROUND_KINDS,
-    SIDES,
-    Round,
-    faces_text,
-    names_of_rows,
-    round_faces,
-    selectors_of_rows,
-)
+from fcdm_opt.geometry.naming import SIDES, faces_text, names_of_rows, selectors_of_rows
 from fcdm_opt.geometry.polygons import distances, hold
+from fcdm_opt.geometry.round_recognition import ROUND_KINDS, Round, round_faces
 from fcdm_opt.geometry.tessellation import Swept
 from fcdm_opt.geometry.units import measured, number_text, signed
 from fcdm_opt.plain import Plain, plain

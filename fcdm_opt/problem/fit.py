@@ -19,8 +19,9 @@ from fcdm_opt.geometry.crossings import overlapping
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import facet_errors, is_plane_there, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.naming import ROUND, Round, element_text, is_round, round_faces, with_article
+from fcdm_opt.geometry.naming import element_text, is_round, with_article
 from fcdm_opt.geometry.resizing import resized_part_corners
+from fcdm_opt.geometry.round_recognition import ROUND, Round, round_faces
 from fcdm_opt.geometry.solids import PlacedSolids, contains, kept_as_surface
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.problem.problem import Problem

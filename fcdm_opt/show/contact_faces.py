@@ -10,7 +10,8 @@ import numpy as np
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import element_text, is_round, round_faces, rows_of_element
+from fcdm_opt.geometry.naming import element_text, is_round, rows_of_element
+from fcdm_opt.geometry.round_recognition import round_faces
 from fcdm_opt.problem.fit import drawn_bodies
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.tolerances import DEFAULT

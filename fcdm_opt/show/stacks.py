@@ -18,7 +18,8 @@ from fcdm_opt.design.sizes import not_counted
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body, solids_notes
 from fcdm_opt.geometry.facet_errors import round_surfaces, rounding_line
-from fcdm_opt.geometry.naming import Label, names_of_rows, radius_text, round_faces
+from fcdm_opt.geometry.naming import names_of_rows
+from fcdm_opt.geometry.round_recognition import Label, radius_text, round_faces
 from fcdm_opt.geometry.size import direction, direction_level
 from fcdm_opt.geometry.tessellation import true_areas
 from fcdm_opt.geometry.units import measured, signed

@@ -15,7 +15,7 @@ from strategies import generators, random_rotation
 import fcdm_opt as fo
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
-from fcdm_opt.geometry.naming import round_faces
+from fcdm_opt.geometry.round_recognition import round_faces
 from fcdm_opt.tolerances import DEFAULT
 
 CUBE = np.array(list(itertools.product([0.0, 1.0], repeat=3)))

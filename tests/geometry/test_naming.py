@@ -20,10 +20,11 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
 from fcdm_opt.geometry.facet_errors import all_recognised, round_surfaces
-from fcdm_opt.geometry.naming import element_text, names_of_faces, names_of_rows, round_faces
+from fcdm_opt.geometry.naming import element_text, names_of_faces, names_of_rows
 from fcdm_opt.geometry.patches import line_of_contact, true_faces
 from fcdm_opt.geometry.primitives import Box, Cylinder, Sphere, Torus, cut, joined
 from fcdm_opt.geometry.resizing import Resizing, _by_features, resized
+from fcdm_opt.geometry.round_recognition import round_faces
 from fcdm_opt.show.stacks import print_faces
 
 
