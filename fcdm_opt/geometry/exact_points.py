@@ -95,7 +95,8 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
     # as places on the face are off those beside the point
     width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
-    width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf, widest)
+    whole = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
+    width = min(whole, widest)
     depth = DEEP * min(width, faces.depth(point, -middle))
     if not min(width, depth) > SMALL * size:
         return []
@@ -117,10 +118,13 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
         directions = [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
         if len(directions) < 3:
             return []
-    lower = LOWER * width * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
+    # what is straight, as along a cylinder, is exact as far as that goes where another point is near, so that further
+    # rounds have none to add there
     bends = patches[0].bends(point[None])[0]
-    lowers = [lower if len(normals) > 1 or abs(d @ bends @ d) < DEFAULT.tie * bend else 0.0 for d in directions]
-    ring = [_within(patches, point + width * d - low) for d, low in zip(directions, lowers, strict=True)]
+    straight = [len(normals) == 1 and abs(d @ bends @ d) < DEFAULT.tie * bend for d in directions]
+    lower = LOWER * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
+    ends = [(whole, lower * (width == whole)) if own else (width, lower * (len(normals) > 1)) for own in straight]
+    ring = [_within(patches, point + far * (d - low)) for d, (far, low) in zip(directions, ends, strict=True)]
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")
     chosen = [sorted(own) for own in product(*smooth)]

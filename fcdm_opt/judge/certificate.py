@@ -728,7 +728,8 @@ class _Judge:
                 return _Side(step, before, after, least, snug=True)  # beside a plane that no change of the scales moves
             upward = _across(more) if len(more) else np.zeros(2)
             if len(more) and (more @ upward).min() > flat:
-                after = self._gaps((self.rho + self._step(more, upward))[None], own)[0]
+                step = self._step(more, upward)
+                before, after = self._gaps(np.array([self.rho - step, self.rho + step]), own)
                 return _Side(step, before, after, least)
         return _Side(step, before, after, least, snug=bool(len(more)))
 
