@@ -352,6 +352,7 @@ class NearestPoints(NamedTuple):
     gap: float  # negative where they overlap there
     points: Array  # the point of either body, as drawn, (2, 3)
     normal: Array  # unit normal of one of the faces there, from body 1 to body 2, (3,)
+    other: int = 0  # which of several is body 2
 
 
 class _Placed:

@@ -77,7 +77,7 @@ class Exchange:
 
     def nearest(self, transform: Array, slack: float) -> list[NearestPoints]:
         """Return where the gap after a motion is less than asked and some slack, a few, the worst first; or least."""
-        # gaps are less what is asked for. Of keep-outs the second point is not theirs
+        # gaps are less what is asked for. Of keep-outs, which are `other` 1 and more, the second point is not told
         chosen = list[NearestPoints]()
         for own in self._sorted(transform, max(slack, self._slack)):
             if (chosen and own.gap >= slack) or len(chosen) == SEVERAL:
@@ -97,7 +97,7 @@ class Exchange:
         found = list[NearestPoints]()
         for k, (body, its_scale, need) in enumerate(others):
             for own in where_nearest(movable, body, (scale, its_scale), transform, max(need + slack, 0.0)):
-                found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1]))
+                found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1], other=k))
         self._last = transform, slack, sorted(found, key=lambda own: own.gap)
         return self._last[2]
 

@@ -16,6 +16,7 @@ from fcdm_opt.design.sizes import Sizes
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
+from fcdm_opt.geometry.naming import element_text
 from fcdm_opt.geometry.patches import NearestPoints, true_faces
 from fcdm_opt.geometry.units import gap_text
 from fcdm_opt.judge.engagement import goes_through
@@ -135,14 +136,20 @@ def _overlapping(problem: Problem, asked: Exchange, q: Array) -> list[str]:
     """Return in words which true faces are nearest after a motion, where they are nearer than is asked."""
     pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
     each = [own for own in asked.nearest(pose, SHARE * problem.size)[:1] if own.gap < -problem.contact_slack]
-    bodies = problem.of_facets.movable, problem.of_facets.static
-    return [f"{_between(*bodies, own)} {gap_text(own.gap + asked.need, 0.0, problem.unit, asked.need)}" for own in each]
+    facets = problem.of_facets
+    needs, found = [asked.need, *(own.clearance for own in facets.keep_out)], list[str]()
+    for own in each:
+        names = _between(facets.movable, facets.static, own)
+        names += f" and keep-out {facets.keep_out[own.other - 1].body.name}" if own.other else ""
+        found.append(f"{names} {gap_text(own.gap + needs[own.other], 0.0, problem.unit, needs[own.other])}")
+    return found
 
 
 def _between(movable: Body, static: Body, met: NearestPoints) -> str:
-    """Return the true faces that are nearest to each other, in words."""
+    """Return the true faces that are nearest to each other, in words: of keep-outs that of the movable body."""
     each = zip(map(true_faces, (movable, static)), met.points, strict=False)
-    return Feature(*(found.face_of(next(iter(found.at(point)))) for found, point in each)).in_words(movable, static)
+    faces = [found.face_of(next(iter(found.at(point)))) for found, point in each]
+    return element_text(movable, faces[0]) if len(faces) == 1 else Feature(*faces).in_words(movable, static)
 
 
 def _unrestored(problem: Problem) -> tuple[Array, list[str]]:
