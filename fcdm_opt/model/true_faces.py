@@ -189,7 +189,7 @@ class Exchange:
         # motion counts only where it leaves less of the conditions open
         facets, size = self.facets, float(np.linalg.norm(self.facets.weights * q))
         free = (q > facets.limits[:, 0]) & (q < facets.limits[:, 1])
-        if facets.amount != "weighted" or np.count_nonzero(free) < 2 or not size > self._slack:
+        if facets.amount != "weighted" or not free.any() or not size > self._slack:
             return None
         kinematics, unit = facets.motion.kinematics(facets.movable.seed, facets.static.seed), size / facets.weights
 
@@ -226,20 +226,19 @@ class Exchange:
             y[free] -= step[: len(bend)]
         return None if best is start else unit * best
 
-    def foresee(self, found: Sequence[NearestPoints], before: Sequence[NearestPoints]) -> None:
-        """Make the parts exact also where points of two rounds lead to, as if each left the same share of the gap."""
-        # it is Aitken's rule; where a corner slides along a round face from one side, rounds else get no better than so
-        near, bodies = FAR * self.facets.size, (self.facets.movable, self.facets.static)
-        for own in found:
-            last = min(before, key=lambda other: float(norms(own.points[0] - other.points[0])), default=own)
-            share = own.gap / last.gap
-            if not 0.0 < share < SLOW or norms(own.points - last.points[: len(own.points)]).max() > near:
-                continue
-            ahead = own.points + share / (1.0 - share) * (own.points - last.points[: len(own.points)])
-            for role, body, start, end in zip(self.points, bodies, own.points, ahead, strict=False):
-                there = true_faces(body).along(start, end)
-                if there is not None:
-                    self.points[role].append(there.tolist())
+    def foresee(self, q: Array, sign: float) -> bool:
+        """Make the parts exact where true faces meet after the least motion next to one, see `balanced`; tell whether.
+
+        False where none is known, or they were exact there.
+        """
+        ahead = self.balanced(q, sign)
+        if ahead is None:
+            return False
+        facets = self.facets
+        pose = facets.motion.transform(ahead, facets.movable.seed, facets.static.seed)
+        new = [own for own in self.nearest(pose, self._slack) if own.gap <= self._slack and not self.has(own)]
+        self.add(new)
+        return bool(new)
 
     def new(self, found: Sequence[NearestPoints]) -> list[NearestPoints]:
         """Return those at which the parts are not exact, or that overlap by more than rounding."""
@@ -321,7 +320,7 @@ def points_of_true_faces(
     if problem.exact_at is None:  # of parts that are apart at the nearest too: else plane faces may be what facets meet
         asked.add([own for own in drawn if apart or abs(own.gap) <= slack])
     cleared = problem.goal == "clear" or any(own.gap < -slack for own in drawn)  # parts within need no more than these
-    deepest, least, before = np.inf, np.inf, list[NearestPoints]()
+    deepest, least = np.inf, np.inf
     touching: tuple[float, Points] | None = None  # the amount after which they first do, to within what counts as that
     for count in range(ROUNDS):
         try:
@@ -335,17 +334,17 @@ def points_of_true_faces(
         if current.transform is None:  # what parts within the true ones cannot do, these cannot
             asked.add_nearest(np.eye(4), current.pair_gap)  # of the parts as drawn
             return points if current.status is Status.INFEASIBLE and problem.goal == "clear" else None
-        if cleared and refused(current):
-            return points
         new = asked.new(asked.nearest(current.transform, -TIGHT * slack))
         worst = [own for own in new if own.gap < -TIGHT * slack]
+        if cleared and not worst and refused(current):
+            return points
         if worst and all(map(asked.has, worst)):  # no piece of the true solid is known there
             break
         met = asked.met(current.transform)  # their gap is told there
         if worst and worst[0].gap >= -slack and touching is None:
             touching = current.amount, asked.with_points(met)
-        asked.add(worst or met)
         if not worst:
+            asked.add(met)
             less = current.amount < least * (1.0 - DEFAULT.nominal)
             if apart and less and (near := asked.nearer(current)):
                 least = current.amount
@@ -354,8 +353,8 @@ def points_of_true_faces(
             if current.pair_gap > slack:  # of parts within the true ones, which are nearer
                 asked.add_nearest(current.transform, current.pair_gap)
             return points
-        asked.foresee(worst, before)
-        before = worst
+        if not asked.foresee(np.array([*current.parameters.values()]), 1.0 if cleared else -1.0):
+            asked.add(worst)
         if count % PATIENCE == PATIENCE - 1:
             if not -worst[0].gap < 0.5 * deepest:
                 break
