@@ -164,7 +164,9 @@ def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Array) -> l
     for role, body in zip(ROLES, bodies, strict=True):
         own = [size for size, one in zip(sizes, free.tolist(), strict=True) if one and size.body == role]
         moved.append([bool(part.moves.any()) for part in Resizing.of(body, own).parts] if own else [])
-    still = ([k for k in range(len(body.parts)) if not (own and own[k])] for own, body in zip(moved, bodies, strict=True))
+    still = (
+        [k for k in range(len(body.parts)) if not (own and own[k])] for own, body in zip(moved, bodies, strict=True)
+    )
     return [*product(*still)]
 
 

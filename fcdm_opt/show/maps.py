@@ -211,10 +211,10 @@ def _numbered(sizes: CompensationMap) -> list[tuple[int, MapRegion]]:
     return [(k, own) for k, own in enumerate(sizes.regions[:LISTED], 1) if own.share >= SHARE]
 
 
-def _fill(
-    axes: Any, box: Any, grid: Any, amount: Any, ends: tuple[float, float], marked: list[Array] | None
-) -> Any:
-    """Fill a box of two sizes by amount, between the least and the largest of all, with contour lines; return what colours stand for, None without any.
+def _fill(axes: Any, box: Any, grid: Any, amount: Any, ends: tuple[float, float], marked: list[Array] | None) -> Any:
+    """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any.
+
+    `ends` are the least and the largest amount that has a colour.
 
     Where it is known which places are marked, each piece of a line has its amount written on it, where it is farthest
     from these, the edges, and amounts written before, if it covers none of these.
@@ -227,8 +227,8 @@ def _fill(
     if amount.count() == 0:
         return None
     filled = axes.contourf(*grid, amount, levels=np.linspace(*ends, SHADES + 1), cmap="cividis", zorder=1)
-    lines = axes.contour(*grid, amount, levels=[x for x in _levels(*ends, LEVELS) if x], colors="white", linewidths=0.5, alpha=0.8,
-                         zorder=2)  # fmt: skip
+    levels = [x for x in _levels(*ends, LEVELS) if x]
+    lines = axes.contour(*grid, amount, levels=levels, colors="white", linewidths=0.5, alpha=0.8, zorder=2)
     if marked is None:
         return filled
     point = 1.0 / (72.0 * SIDE)

@@ -11,8 +11,9 @@ import numpy as np
 
 from fcdm_opt.errors import counted
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import element_text
+from fcdm_opt.geometry.naming import element_text, is_round
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.show import BLACK, DARK, GREY, NOTE, PAGE, Figure, styled
@@ -79,7 +80,9 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
     missing = sum(map(math.isnan, derivatives.faces.values()))
     if every and missing:
-        notes.append(f"no derivative by the shift of {counted(missing, 'face')}, as it would part a corner that matters")
+        notes.append(
+            f"no derivative by the shift of {counted(missing, 'face')}, as it would part a corner that matters"
+        )
     if unknown:
         notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
@@ -184,10 +187,12 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     for name, weight in problem.motion.by_name(problem.weights).items():
         change = STEP * weight * derivatives.weights[name]
         yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
-    of_faces = dict[str, float]()  # of a round face that of all of its facets together
+    of_faces = dict[str, float]()  # of a round face as facets that of all of these together
     for label, value in derivatives.faces.items():
         name = _name_of(problem, label)
         of_faces[name] = of_faces.get(name, 0.0) + value
+    if any(map(is_round, of_faces)) and on_true_faces(problem):  # facets do not say how true faces move: sizes do
+        of_faces = {name: value for name, value in of_faces.items() if not is_round(name)}
     for name, value in _largest(of_faces):
         yield Bar(name, shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():

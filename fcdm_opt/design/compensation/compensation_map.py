@@ -19,7 +19,7 @@ from fcdm_opt.design.compensation.sampling import MOTIONLESS, UNDECIDED, ActiveS
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import MotionClaims
