@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, distinct_rows
+from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
@@ -135,7 +135,7 @@ def extremes(
     values, one = np.clip(0.0, *np.array([size.tolerance for size in sizes], float).T), np.eye(len(sizes), dtype=bool)
     near, free = DEFAULT.planarity * max(body.size for body in bodies), np.ones(len(sizes), bool)
     known, every = set[tuple[int, int]](), {*np.ndindex(len(movable.parts), len(static.parts))}
-    how = {"least": False, "permanent": False}
+    how: dict[str, Any] = {"least": False, "permanent": False}
     touching = touching_true_faces(*bodies, sizes, **how) if touching is None else touching
     while not known.issuperset(own.parts for own in touching.pairs):
         place = touching.of_each(least=least)
@@ -158,7 +158,7 @@ def extremes(
     return found
 
 
-def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Array) -> list[tuple[int, int]]:
+def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Flags) -> list[tuple[int, int]]:
     """Return the part pairs that none of these sizes moves."""
     moved = list[list[bool]]()
     for role, body in zip(ROLES, bodies, strict=True):
@@ -167,7 +167,8 @@ def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Array) -> l
     still = (
         [k for k in range(len(body.parts)) if not (own and own[k])] for own, body in zip(moved, bodies, strict=True)
     )
-    return [*product(*still)]
+    one, two = still
+    return [*product(one, two)]
 
 
 class TrueContact(NamedTuple):

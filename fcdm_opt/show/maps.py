@@ -168,11 +168,11 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     each = [amount for *_, amount, _ in panels if amount.count()]
     top = _top(max((float(amount.max()) for amount in each), default=0.0))
     least = min((float(amount.min()) for amount in each), default=0.0)
-    ends = least if LOW * top < least and not _constant(sizes) else 0.0, top
+    scale = least if LOW * top < least and not _constant(sizes) else 0.0, top
     filled = None
     for axes, pair, grid, amount, region in panels:
         marked = [np.asarray(sizes.nominal), *(own.place for _, own in _numbered(sizes))] if last == 1 else None
-        filled = _fill(axes, box[list(pair)], grid, amount, ends, marked) or filled
+        filled = _fill(axes, box[list(pair)], grid, amount, scale, marked) or filled
         if last > 1:
             for number in range(len(sizes.regions)):
                 if 0 < np.count_nonzero(region == number) < region.size:
@@ -189,7 +189,7 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     if filled is None or _constant(sizes):
         return
     bar = sheet.axes(MARGIN + SIDE + 0.08, foot, 0.09, SIDE)
-    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(*ends, TICKS))
+    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(*scale, TICKS))
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
