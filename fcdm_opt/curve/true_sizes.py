@@ -17,7 +17,7 @@ import numpy as np
 from fcdm_opt.curve.features import Feature
 from fcdm_opt.curve.touching_sizes import PairRows, TouchingSizes, check_sizes, least_of
 from fcdm_opt.errors import InputError
-from fcdm_opt.geometry.arrays import Array, distinct_rows
+from fcdm_opt.geometry.arrays import Array, Flags, distinct_rows
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.exact_points import exact_at
@@ -33,6 +33,7 @@ from fcdm_opt.geometry.patches import (
     nearest_on_faces,
     true_faces,
 )
+from fcdm_opt.geometry.resizing import Resizing
 from fcdm_opt.geometry.size import Size
 from fcdm_opt.geometry.tessellation import Swept, onto, onto_crossings
 from fcdm_opt.tolerances import DEFAULT
@@ -107,22 +108,67 @@ def made_at(
     `made` are deviations by name, 0 where none is given; or the corner of the box of tolerances with the least gap,
     "worst", or the largest one, "loosest", at rest (of what is not closed at all sizes, if there is any), all sizes at
     their least, "low", largest, "high", or in the "middle". Sizes that the gap does not depend on are those with the
-    least, or largest, gap of the next contact that may be the nearest, and so on. `touching` is what is known of them
-    at rest, with these sizes.
+    least, or largest, gap of the next contact, and so on; of bodies with round faces of one that may be the nearest.
+    `touching` is what is known of them at rest, with these sizes.
     """
-    names = [size.name for size in sizes]
     if isinstance(made, Mapping):
-        return {name: float(made.get(name, 0.0)) for name in names}
+        return {size.name: float(made.get(size.name, 0.0)) for size in sizes}
     check_sizes(sizes)
+    box = np.array([size.tolerance for size in sizes], float)
     if made in ("low", "high", "middle"):
-        place = {"low": 0.0, "high": 1.0, "middle": 0.5}[made]
-        values = [(1.0 - place) * size.tolerance[0] + place * size.tolerance[1] for size in sizes]
+        values = box @ {"low": [1.0, 0.0], "high": [0.0, 1.0], "middle": [0.5, 0.5]}[made]
     else:
-        found = (
-            touching_true_faces(movable, static, sizes, least=False, permanent=False) if touching is None else touching
-        )
-        values = found.of_each(least=made == "worst").tolist()
-    return dict(zip(names, values, strict=True))
+        values = np.clip(0.0, *box.T)
+        for _, at in extremes(movable, static, sizes, touching, least=made == "worst"):
+            values = np.where(np.isnan(at), values, at)
+    return dict(zip([size.name for size in sizes], values.tolist(), strict=True))
+
+
+def extremes(
+    movable: Body, static: Body, sizes: Sequence[Size], touching: TouchingSizes | None = None, *, least: bool
+) -> list[tuple[float, Array]]:
+    """Return the least gap at rest, or the largest, and the deviations of sizes that it depends on, nan of others.
+
+    Then the same of each next contact that depends on sizes on which no nearer one does. `touching` as in `made_at`.
+    """
+    bodies, found, nearer = (movable, static), list[tuple[float, Array]](), list[TouchingSizes]()
+    values, one = np.clip(0.0, *np.array([size.tolerance for size in sizes], float).T), np.eye(len(sizes), dtype=bool)
+    near, free = DEFAULT.planarity * max(body.size for body in bodies), np.ones(len(sizes), bool)
+    known, every = set[tuple[int, int]](), {*np.ndindex(len(movable.parts), len(static.parts))}
+    how: dict[str, Any] = {"least": False, "permanent": False}
+    touching = touching_true_faces(*bodies, sizes, **how) if touching is None else touching
+    while not known.issuperset(own.parts for own in touching.pairs):
+        place = touching.of_each(least=least)
+        ends = np.where(one, touching.box.T[:, None], place)  # (2, k, k): each size at its ends
+        matter = free & (np.abs(touching.gaps(ends) - touching.gaps(place)) > near).any(axis=(0, 2))
+        for own in one[matter]:
+            other = np.where(own, place, values)
+            if all(np.abs(each.gaps(other) - each.gaps(values)).max() <= near for each in nearer):
+                values = other
+        found.append((float(touching.gap(place)), np.where(matter, values, np.nan)))
+        nearer, free = [*nearer, touching], free & ~matter
+        known |= {*(own.parts for own in touching.pairs), *touching.behind, *_unmoved(bodies, sizes, free)}
+        if any(map(round_surfaces, bodies)) or known >= every:  # rows of round faces are found for the nearest
+            break
+        asked = [
+            size if own else replace(size, tolerance=(x, x))
+            for size, own, x in zip(sizes, free.tolist(), values.tolist(), strict=True)
+        ]
+        touching = TouchingSizes.of(*bodies, asked, without=known, **how)
+    return found
+
+
+def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Flags) -> list[tuple[int, int]]:
+    """Return the part pairs that none of these sizes moves."""
+    moved = list[list[bool]]()
+    for role, body in zip(ROLES, bodies, strict=True):
+        own = [size for size, one in zip(sizes, free.tolist(), strict=True) if one and size.body == role]
+        moved.append([bool(part.moves.any()) for part in Resizing.of(body, own).parts] if own else [])
+    still = (
+        [k for k in range(len(body.parts)) if not (own and own[k])] for own, body in zip(moved, bodies, strict=True)
+    )
+    one, two = still
+    return [*product(one, two)]
 
 
 class TrueContact(NamedTuple):

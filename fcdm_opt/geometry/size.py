@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fcdm_opt.errors import InputError, known_arguments
+from fcdm_opt.errors import InputError, closest, known_arguments
 from fcdm_opt.geometry.arrays import AXES, Array, Ints, frozen, groups_of, numbers
 from fcdm_opt.geometry.bodies import Body, cached_per_body
 from fcdm_opt.geometry.measures import cross
@@ -263,7 +263,8 @@ class Size(Plain):
                 raise self._refused("no radius", "faces.radius", radius, "a length > 0")
             around = self._numbers(value["around"], "faces.around", 3, "a point (x, y, z)")
             return {"around": around, "axis": self._axis(value["axis"], "faces.axis"), "radius": radius}
-        raise self._refused("no face is named like this", "faces", value, SELECTORS)
+        hint = closest(value, SIDES) if isinstance(value, str) else ""
+        raise self._refused(f"no face is named like this{hint}", "faces", value, SELECTORS)
 
     def _scale(self) -> Any:
         if self.scale is None or (isinstance(self.scale, str) and self.scale in ("xyz", *"xyz")):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from fcdm_opt.curve.touching_sizes import check_sizes
-from fcdm_opt.curve.true_sizes import ROLES, made_at, touching_true_faces
+from fcdm_opt.curve.true_sizes import ROLES, extremes, made_at
 from fcdm_opt.errors import InputError, known_arguments, known_word, name_list, placed
 from fcdm_opt.geometry.arrays import Array, frozen
 from fcdm_opt.geometry.bodies import Body
@@ -625,14 +625,9 @@ def _extreme(
         roles = dict(zip(pair[:2], ROLES, strict=True))
         own = [size.of_body(roles[size.body]) for size in sizes if size.body in roles]
         if own:
-            touching = touching_true_faces(parts[pair.one], parts[pair.two], own, least=False, permanent=False)
-            places = touching.of_each(least=made == "worst")
-            ends = np.where(
-                np.eye(len(own), dtype=bool), touching.box.T[:, None], places
-            )  # (2, k, k): each at its ends
-            matter = (touching.gaps(ends) != touching.gaps(places)).any(axis=(0, 2)).tolist()
-            at = {size.name: x for size, x, does in zip(own, places.tolist(), matter, strict=True) if does}
-            found.append((sign * float(touching.gap(places)), at))
+            for gap, values in extremes(parts[pair.one], parts[pair.two], own, least=made == "worst"):
+                at = {size.name: x for size, x in zip(own, values.tolist(), strict=True) if not math.isnan(x)}
+                found.append((sign * gap, at))
     known = {size.name: float(np.clip(0.0, *size.tolerance)) for size in sizes}
     for _, at in sorted(found, key=lambda own: -own[0]):
         known |= at

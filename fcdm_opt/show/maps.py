@@ -46,6 +46,10 @@ NUMBER: dict[str, Any] = {
     "bbox": {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": BLACK, "linewidth": 0.8},
 }  # fmt: skip
 
+LOW = 0.2  # of the largest amount: of a least one above it colours begin there, else at 0
+PLAIN = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+"""Behind words that lines go through."""
+
 INDICES = (("by itself", BLUE, None), ("with all others", VERMILLION, "////"))
 """Kinds of shares of the variance: name, colour and hatch."""
 
@@ -161,11 +165,14 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
         grid = np.meshgrid(*(np.linspace(low, high, FINE // last) for low, high in ends))
         points = sizes.at(*(grid[pair.index(k)] if k in pair else middle[k] for k in range(last + 1)))
         panels.append((axes, pair, grid, np.ma.masked_invalid(points.amount), points.region))
-    top = _top(max((float(amount.max()) for *_, amount, _ in panels if amount.count()), default=0.0))
+    each = [amount for *_, amount, _ in panels if amount.count()]
+    top = _top(max((float(amount.max()) for amount in each), default=0.0))
+    least = min((float(amount.min()) for amount in each), default=0.0)
+    scale = least if LOW * top < least and not _constant(sizes) else 0.0, top
     filled = None
     for axes, pair, grid, amount, region in panels:
         marked = [np.asarray(sizes.nominal), *(own.place for _, own in _numbered(sizes))] if last == 1 else None
-        filled = _fill(axes, box[list(pair)], grid, amount, top, marked) or filled
+        filled = _fill(axes, box[list(pair)], grid, amount, scale, marked) or filled
         if last > 1:
             for number in range(len(sizes.regions)):
                 if 0 < np.count_nonzero(region == number) < region.size:
@@ -182,16 +189,16 @@ def _draw_panels(sheet: Sheet, sizes: CompensationMap, labels: list[str]) -> Non
     if filled is None or _constant(sizes):
         return
     bar = sheet.axes(MARGIN + SIDE + 0.08, foot, 0.09, SIDE)
-    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(top, TICKS))
+    sheet.figure.colorbar(filled, cax=bar, format="%.3g", ticks=_levels(*scale, TICKS))
     bar.set_ylabel(f"amount of the smallest motion ({sizes.unit or 'length units'})")
 
 
-def _levels(top: float, count: int) -> Array:
-    """Return round amounts up to the largest, `count` of them at most but for both ends."""
+def _levels(least: float, top: float, count: int) -> Array:
+    """Return round amounts from the least to the largest, `count` of them at most but for both ends."""
     from matplotlib.ticker import MaxNLocator
 
-    values = np.asarray(MaxNLocator(count).tick_values(0.0, top))
-    return values[values <= top * (1.0 + DEFAULT.cut)]
+    values = np.asarray(MaxNLocator(count).tick_values(least, top))
+    return values[(values >= least * (1.0 - DEFAULT.cut)) & (values <= top * (1.0 + DEFAULT.cut))]
 
 
 def _top(largest: float) -> float:
@@ -204,8 +211,10 @@ def _numbered(sizes: CompensationMap) -> list[tuple[int, MapRegion]]:
     return [(k, own) for k, own in enumerate(sizes.regions[:LISTED], 1) if own.share >= SHARE]
 
 
-def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float, marked: list[Array] | None) -> Any:
+def _fill(axes: Any, box: Any, grid: Any, amount: Any, ends: tuple[float, float], marked: list[Array] | None) -> Any:
     """Fill a box of two sizes by amount, with contour lines; return what colours stand for, None without any.
+
+    `ends` are the least and the largest amount that has a colour.
 
     Where it is known which places are marked, each piece of a line has its amount written on it, where it is farthest
     from these, the edges, and amounts written before, if it covers none of these.
@@ -217,9 +226,9 @@ def _fill(axes: Any, box: Any, grid: Any, amount: Any, top: float, marked: list[
     axes.add_patch(Rectangle(tuple(low), *(high - low), facecolor="white", edgecolor=GREY, hatch="//", zorder=0.5))
     if amount.count() == 0:
         return None
-    filled = axes.contourf(*grid, amount, levels=np.linspace(0.0, top, SHADES + 1), cmap="cividis", zorder=1)
-    lines = axes.contour(*grid, amount, levels=_levels(top, LEVELS)[1:], colors="white", linewidths=0.5, alpha=0.8,
-                         zorder=2)  # fmt: skip
+    filled = axes.contourf(*grid, amount, levels=np.linspace(*ends, SHADES + 1), cmap="cividis", zorder=1)
+    levels = [x for x in _levels(*ends, LEVELS) if x]
+    lines = axes.contour(*grid, amount, levels=levels, colors="white", linewidths=0.5, alpha=0.8, zorder=2)
     if marked is None:
         return filled
     point = 1.0 / (72.0 * SIDE)
@@ -290,7 +299,7 @@ def _draw_amounts(axes: Any, result: AssemblyYield) -> None:
             axes.axvline(amount, color=GREY, linewidth=0.6, linestyle=":")
             axes.annotate(f"{share:.4g}".lstrip("0"), (amount, HIGHEST * highest), xytext=(-1.5, -2),
                           textcoords="offset points", ha="right", va="top", rotation=90, fontsize=NOTE,
-                          color=DARK)  # fmt: skip
+                          color=DARK, zorder=5, bbox=PLAIN)  # fmt: skip
     axes.set_xlim(max(axes.get_xlim()[0], 0.0))
     axes.set_xlabel(f"amount of the motion ({result.unit or 'length units'})")
     axes.set_ylabel("share of all pairs in a bin")

@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fcdm_opt.errors import counted
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.naming import element_text, is_round
 from fcdm_opt.geometry.units import measured
+from fcdm_opt.model.true_faces import on_true_faces
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import Sensitivity, Solution
 from fcdm_opt.show import BLACK, DARK, GREY, NOTE, PAGE, Figure, styled
@@ -78,7 +80,9 @@ def sensitivities_figure(solution: Solution, *, title: str = "", caption: str = 
         notes.append(f"{len(every) - len(shown)} smaller ones of faces, vertices and seeds are not shown")
     missing = sum(map(math.isnan, derivatives.faces.values()))
     if every and missing:
-        notes.append(f"{missing} faces have no derivative of their own: their shift would part a corner that matters")
+        notes.append(
+            f"no derivative by the shift of {counted(missing, 'face')}, as it would part a corner that matters"
+        )
     if unknown:
         notes.append(shortened(f"no derivative by: {', '.join(unknown)}", LISTED))
     if not derivatives.exists:
@@ -130,8 +134,7 @@ def _name_of(problem: Problem, label: str) -> str:
     corners = tuple(int(number.strip(",")) for number in numbers)
     if len(corners) < 2:
         return f"corner {corners[0]} of {name}" if corners else name
-    text = element_text(body, Element("F", corners)).partition(" (facing")[0]
-    return f"{f'facet V{corners[0]},V{corners[1]}... of {text}' if is_round(text) else text} of {name}"
+    return f"{element_text(body, Element('F', corners)).partition(' (facing')[0]} of {name}"
 
 
 def bars(sensitivity: Sensitivity, problem: Problem) -> list[Bar]:
@@ -184,8 +187,14 @@ def _all(derivatives: Sensitivity, problem: Problem) -> Iterator[Bar]:
     for name, weight in problem.motion.by_name(problem.weights).items():
         change = STEP * weight * derivatives.weights[name]
         yield Bar(f"weight of the {labels[name]}", change, percent, "weights in the amount")
-    for label, value in _largest(derivatives.faces):
-        yield Bar(_name_of(problem, label), shift * value, length, SHIFTED)
+    of_faces = dict[str, float]()  # of a round face as facets that of all of these together
+    for label, value in derivatives.faces.items():
+        name = _name_of(problem, label)
+        of_faces[name] = of_faces.get(name, 0.0) + value
+    if any(map(is_round, of_faces)) and on_true_faces(problem):  # facets do not say how true faces move: sizes do
+        of_faces = {name: value for name, value in of_faces.items() if not is_round(name)}
+    for name, value in _largest(of_faces):
+        yield Bar(name, shift * value, length, SHIFTED)
     if np.isnan(list(derivatives.faces.values())).any():
         for label, value in _largest({name: float(np.linalg.norm(x)) for name, x in derivatives.vertices.items()}):
             yield Bar(_name_of(problem, label), shift * value, length, MOVED)

@@ -50,6 +50,7 @@ SIDES = {(27.0, -55.0): "from the front, above", (-27.0, 125.0): "from the back,
 OTHER_SIDES = {(27.0, 125.0): "from the back, above", (-27.0, -55.0): "from the front, below"}
 """Those from which a body is shown too, where something hides faces of it."""
 
+HAIR = 3.0  # points that a bar of a histogram is wide at least
 HEIGHTS, HEAD, FOOT, SIDE, NAME = (1.6, 3.4), 0.3, 0.3, 0.3, 24
 """Inches: least and most that a body may be high there, above it, below all, and beside it; letters of its name."""
 
@@ -111,7 +112,7 @@ def print_faces(body: Body, role: str) -> None:
         corners = [f"V{v}" for v in face["vertices"][:CORNERS]] + ["..."] * (len(face["vertices"]) > CORNERS)
         shown = "" if name.startswith("face ") else name
         rows.append({**face, "name": shown, "area": covered, "vertices": ",".join(corners)})
-    of_facets = body.surfaces is None and any(", " in row["plane"] for row in rows if row["area"])
+    of_facets = body.surfaces is None and any(row["plane"].endswith(" facets") for row in rows if row["area"])
     notes = ["area of a round face: that of its facets"] * of_facets
     print_rows(rows[:MOST_LISTED], numbers=("area",), optional=("area",), notes=notes)
     if len(rows) > MOST_LISTED:
@@ -344,21 +345,22 @@ def _draw_gaps(gaps: Any, stack: StackUp, share: GapYield, *, columns: int = 4) 
     middles, (low, high) = (edges[:-1] + edges[1:]) / 2.0, share.limits
     within = (middles >= low) & (middles <= high)
     inside = "within" if np.isfinite(share.limits).any() else "drawn"
+    worst = stack.worst()
+    seen = [x for x in (worst.least, worst.largest, *share.limits) if np.isfinite(x)]
+    room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
+    gaps.set_xlim(min(seen) - room, max(seen) + room)
+    # bars as wide as bins, and wide enough to be seen where all pairs have one gap, before the line of a worst case
+    points = 72.0 * gaps.get_position().width * gaps.figure.get_figwidth()
+    wide = max(float(edges[1] - edges[0]), HAIR * float(np.ptp(gaps.get_xlim())) / points)
     for chosen, colour, name in ((within, BLUE, inside), (~within, VERMILLION, "outside")):
         if (heights[chosen] > 0.0).any():
-            gaps.bar(
-                edges[:-1][chosen], heights[chosen], np.diff(edges)[chosen], align="edge", color=colour, label=name
-            )
-    worst = stack.worst()
+            gaps.bar(middles[chosen], heights[chosen], wide, color=colour, label=name, zorder=3)
     for ends, name, style in (
         ([limit for limit in share.limits if np.isfinite(limit)], "limits", {"color": BLACK, "linewidth": 1.2}),
         ((worst.least, worst.largest), "worst case", {"color": DARK, "linewidth": 0.8, "linestyle": ":"}),
     ):
         for k, end in enumerate(ends):
             gaps.axvline(end, label=None if k else name, **style)
-    seen = [x for x in (worst.least, worst.largest, *share.limits) if np.isfinite(x)]
-    room = 0.05 * max(max(seen) - min(seen), float(edges[1] - edges[0]))
-    gaps.set_xlim(min(seen) - room, max(seen) + room)
     gaps.set(xlabel=f"gap ({stack.unit or 'length units'})", ylabel="share of pairs in a bin")
     _legend(gaps, columns)
 

@@ -223,6 +223,14 @@ def steps_text(problem: Problem, values: Sequence[float], *, unit: bool = True) 
     return described(problem.motion, values, problem.unit if unit else "") if values else "-"
 
 
+def direction_text(problem: Problem, values: Sequence[float]) -> str:
+    """Return along what a motion goes, in words: of one parameter alone its name, as its unit is none to go by."""
+    named = [(name, x) for name, x in zip(problem.motion.names, values, strict=True) if x]
+    if len(named) == 1 and abs(named[0][1]) == 1.0:
+        return f"{'-' * (named[0][1] < 0.0)}{named[0][0]}"
+    return steps_text(problem, values)
+
+
 def described(motion: Motion, values: Sequence[float], unit: str) -> str:
     """Return a motion in words, without steps and parameters that do nothing."""
     steps = motion.describe(values, unit=unit, digits=DIGITS).split(" + ")

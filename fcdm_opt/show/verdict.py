@@ -170,7 +170,7 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
     problem = coherent.problem
     if head is None:
         contact = contact_text(problem, coherent.features, named=True)
-        head = f"along {texts.steps_text(problem, coherent.direction.tolist())}, {contact}"
+        head = f"along {texts.direction_text(problem, coherent.direction.tolist())}, {contact}"
     sizes = " while both scales change, as little as keeps it (at unchanged sizes the parts come apart or overlap)"
     near = np.clip([coherent.low, coherent.high], -coherent.natural_step, coherent.natural_step)
     sizes *= bool(np.abs(coherent.rho(max(near.tolist(), key=abs) / 2.0) - coherent.rho(0.0)).max() > DEFAULT.nominal)
@@ -193,13 +193,14 @@ def range_texts(coherent: CoherentRange, head: str | None = None) -> list[str]:
 def shared_range_texts(found: AssemblyRange) -> list[str]:
     """Return how far all contacts of an assembly last at once, and which of them is the first to end both ways."""
     asked, direction = next(iter(found.assembly.questions.values())), [*found.direction.values()]
-    along = f"along {texts.steps_text(asked, direction)}"
+    along = f"along {texts.direction_text(asked, direction)}"
     if len(found.contacts) < 2:
         return [along]
     lines = [f"all {len(found.contacts)} contacts last at once {along}, until"]
     for side, event in (("backwards", found.first), ("forwards", found.last)):
         steps = texts.steps_text(asked, [event.x * x for x in direction]) if math.isfinite(event.x) else ""
-        first = f"{steps}; there, that of {event.what.partition(': ')[0]} is the first to end"
+        contact, _, what = event.what.partition(": ")
+        first = f"{steps}; there, {what if event.kind == 'limit' else f'that of {contact} is the first to end'}"
         lines.append(f"{side}: {first if steps else 'nothing ends it'}")
     return lines
 

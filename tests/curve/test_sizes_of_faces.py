@@ -1034,3 +1034,40 @@ def test_a_size_of_a_moved_body_is_told_to_name_labels() -> None:
         fo.Size("length", "movable", faces="+x").offsets(body.moved(turn))
     size = fo.Size("length", "movable", faces=label)
     assert size.offsets(body.moved(turn)).tolist() == size.offsets(body).tolist()
+
+
+@pytest.mark.parametrize(
+    ("made", "widths"),
+    [
+        ("worst", {"block": 0.0, "foot": 0.1, "channel": -0.3}),
+        ("loosest", {"block": -0.5, "foot": -0.1, "channel": 0.8}),
+    ],
+)
+def test_sizes_of_a_contact_that_is_never_the_nearest_were_as_drawn(made: str, widths: dict[str, float]) -> None:
+    """A block on its floor, within 0.1, with 1 to either wall: these are nowhere the nearest, and take a side along."""
+    walls = [box((-21, -10, -20), (-1, 130, 30)).vertices, box((51, -10, -20), (71, 130, 30)).vertices]
+    channel = fo.Body.from_parts([*walls, box((-1, -10, -20), (51, 130, 0)).vertices], seed=(25, 60, 0), name="channel")
+    sides = [{"through": (x, 60, 15)} for x in (-1, 51)]
+    sizes = [
+        fo.Size("block", "movable", faces=["+x", "-x"], each=0.5, tolerance=(-0.5, 0.0)),
+        fo.Size("foot", "movable", faces="-z", tolerance=0.1),
+        fo.Size("channel", "static", faces=sides, each=-0.5, tolerance=(-0.3, 0.8)),
+    ]
+    both = fo.Translation("x") >> fo.Translation("z")
+    block = box((0, 0, 0), (50, 120, 40), "block")
+    asked = fo.Problem(
+        block, channel, sizes=sizes, made=made, motion=both, goal="clear", clearance=0.9, limits={"TZ": (0, 5)}
+    )
+    assert asked.made == pytest.approx(widths)
+    # 0.85 to the walls at the worst sizes, which no lift makes 0.9; at the loosest 0.1 below the block, and 0.8 to go
+    found = fo.solve(asked)
+    assert not found.usable if made == "worst" else found.amount == pytest.approx(0.8, abs=1e-12)
+    parts, named = {"block": block, "channel": channel}, {"movable": "block", "static": "channel"}
+    own = [replace(size, body=named[size.body]) for size in sizes]
+    assembly = fo.Assembly(parts, [("block", "channel")], motions={"block": both}, sizes=own, made=made)
+    assert assembly.made == pytest.approx(widths)
+
+
+def test_a_side_that_is_spelled_wrong_is_told_the_one_meant() -> None:
+    with pytest.raises(fo.InputError, match=r"no face is named like this, did you mean 'left'\?"):
+        fo.Size("width", "movable", faces="lft", tolerance=0.1)

@@ -12,8 +12,9 @@ import pytest
 import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.compensation import sampling
-from fcdm_opt.design.compensation.compensation_map import CompensationMap, compensation_map
+from fcdm_opt.design.compensation.compensation_map import CompensationMap, _least, compensation_map
 from fcdm_opt.design.compensation.sampling import asked
+from fcdm_opt.design.compensation.table import Table
 from fcdm_opt.errors import InputError
 from fcdm_opt.model.task import Task
 from fcdm_opt.show.grids import grids
@@ -208,6 +209,23 @@ def test_the_least_amount_of_a_region_was_that_of_its_nodes() -> None:
     """The sizes as drawn, at which the parts touch, are in one of the regions, which said 7e-4 for 0."""
     found = fo.compensation_map(fo.load_problems("problems/example1_touch.toml")[0])
     assert min(region.amounts[0] for region in found.regions) == 0.0
+
+
+@pytest.mark.parametrize(("shift", "least"), [(0.0, 0.0), (2.0, math.sqrt(2.0))])
+def test_the_least_amount_within_a_triangle_was_that_of_its_nodes(shift: float, least: float) -> None:
+    """Motions on (-1, -1), (2.5, -1), (-1, 2) have 0 within; on by 2 both ways (1, 1) is the least."""
+    ends = np.array([[-1.0, -1.0], [2.5, -1.0], [-1.0, 2.0]]) + shift
+    q = np.concatenate([ends, (ends + np.roll(ends, -1, axis=0)) / 2.0])
+    values = np.column_stack([np.linalg.norm(q, axis=1), q])[None]
+    table = Table(
+        corners=ends[None],
+        values=values,
+        errors=np.zeros((1, 2)),
+        regions=np.zeros(1, int),
+        names=("TX", "TY"),
+        weights=(1.0, 1.0),
+    )
+    assert _least(table, np.zeros(1, int)) == pytest.approx(least, abs=1e-12)
 
 
 def test_the_picture_names_regions_and_corners():

@@ -146,3 +146,22 @@ def test_an_album_writes_the_sensitivities_of_a_solved_case(tmp_path: Path) -> N
     stem = "file-past_the_ribs"
     assert names == {f"{stem}-{kind}.{end}" for kind in ("curve", "scene", "sensitivities") for end in ("png", "svg")}
     assert not album.failed
+
+
+def test_facets_of_a_true_round_face_had_bars_of_their_own() -> None:
+    """A cell in a V of two walls at 45 degrees is lifted by the root of 2 times what its radius grows by."""
+    cell = fo.Cylinder(9.0, 40.0, base=(0.0, 0.0, 0.0), axis="x", name="cell")
+    c, s = 9.0 * math.sqrt(2.0), 40.0
+    walls = [
+        [(x, y, z) for x in (0.0, s) for y, z in ((0.0, -c), (side * 30.0, 30.0 - c), (side * 30.0, -c - 5.0))]
+        for side in (-1.0, 1.0)
+    ]
+    size = fo.Size("diameter", "movable", faces="cylinder radius 9", each=0.5, tolerance=0.1)
+    motion = fo.Translation("y") >> fo.Translation("z")
+    asked = fo.Problem(
+        cell, fo.Body.from_parts(walls), motion=motion, sizes=[size], made={"diameter": 0.1}, goal="at", contacts="all"
+    )
+    solution = fo.solve(asked)
+    made = {bar.name: bar.value for bar in bars(solution.sensitivity, solution.problem)}
+    assert made["diameter of cell"] == pytest.approx(0.05 * math.sqrt(2.0))
+    assert not [name for name in made if "facet" in name or "cylinder" in name]

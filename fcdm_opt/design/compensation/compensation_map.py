@@ -19,7 +19,7 @@ from fcdm_opt.design.compensation.sampling import MOTIONLESS, UNDECIDED, ActiveS
 from fcdm_opt.design.compensation.size_mesh import Facet
 from fcdm_opt.design.compensation.table import MapPoints, Table, amounts_of, box_text, simplices, volumes
 from fcdm_opt.errors import InputError, known_arguments
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, frozen
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, frozen
 from fcdm_opt.geometry.facet_errors import known_to
 from fcdm_opt.geometry.units import measured
 from fcdm_opt.judge.sampled_sizes import MotionClaims
@@ -391,17 +391,17 @@ def _regions(table: Table, sets: Sequence[ActiveSet]) -> tuple[MapRegion, ...]:
 
 
 def _least(table: Table, members: Ints) -> float:
-    """Return the least amount over some simplices, by their nodes and what is between any two of them: 0 is there."""
+    """Return the least amount over some simplices, by the hulls of their nodes' motions: 0 is there."""
+    from scipy.optimize import nnls
+
     values = table.values[members]
     least = max(float(np.nanmin(np.where(np.isfinite(values[..., 0]), values[..., 0], np.nan))), 0.0)
-    if not table.weights:
-        return least
-    q = values[..., 1:] * np.asarray(table.weights)
-    one, two = np.triu_indices(q.shape[1], 1)
-    start, step = q[:, one], q[:, two] - q[:, one]
-    share = -(start * step).sum(axis=-1) / np.maximum((step**2).sum(axis=-1), SMALLEST)
-    between = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[..., None] * step, axis=-1)
-    found = min(least, float(between[np.isfinite(between)].min(initial=least)))
+    q, found = values[..., 1:] * np.asarray(table.weights or math.nan), least
+    for own in q[np.isfinite(q).all(axis=(1, 2))] if least > 0.0 else ():
+        # a hull's point nearest to 0 has the shares that bring (own, 1) nearest to (0, 1)
+        rows = np.column_stack([own / least, np.ones(len(own))])
+        shares, _ = nnls(rows.T, np.eye(rows.shape[1])[-1])
+        found = min(found, float(np.linalg.norm(shares @ own)) / float(shares.sum()))
     return found if found > np.nanmax(table.errors[members, 0], initial=0.0) else 0.0
 
 

@@ -147,7 +147,8 @@ def assembly_loop(assembly: Assembly | Problem, of: Any = None) -> Loop:
         named = [own for own in relations if sorted(own) == sorted(map(str, arguments.items(of)))]
         if not named:
             allowed = " or ".join(" - ".join(own) for own in relations)
-            raise InputError("not two parts of this assembly that move", key="of", found=of, allowed=allowed)
+            what = "not two parts of this assembly that move against each other"
+            raise InputError(what, key="of", found=of, allowed=allowed)
         pair = named[0]
     chosen = asked.index(pair) if pair in asked and faces is None else -1
     rows = np.array([k for k, line in enumerate(gaps.lines) if line.relation != chosen], np.int64)

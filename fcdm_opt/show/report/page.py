@@ -116,15 +116,23 @@ def assembly_page(files: Sequence[Data], cases: Sequence[Data]) -> str:
     `cases` are as `assembly_report` returns them.
     """
     of = {number: file for file in files for number in file["cases"]}
+    sources = {file["file"]: (file["title"] or file["file"]) * (len(files) > 1) for file in files}
     firsts = ((file, cases[file["cases"][0]]) for file in files if file["cases"])  # as drawn: alike for all of a file
-    stacks = [{**own, "file": file, "parts": case["parts"]} for file, case in firsts for own in case["stacks"]]
+    stacks = [
+        {**own, "file": file, "source": sources[file["file"]], "parts": case["parts"]}
+        for file, case in firsts
+        for own in case["stacks"]
+    ]
     return whole_page(
         "assembly.html",
         scripts=("scene.js", "page.js"),
         figures={"cases": [case["figure"] for case in cases]},
         title="; ".join(file["title"] or file["file"] for file in files),
         files=[{"note": file["note"], "error": file.get("error")} for file in files],
-        cases=[{"file": of[number], "number": number, **case} for number, case in enumerate(cases)],
+        cases=[
+            {"file": of[number], "source": sources[of[number]["file"]], "number": number, **case}
+            for number, case in enumerate(cases)
+        ],
         stacks=[{**own, "id": f"stack-{k}"} for k, own in enumerate(stacks)],
         arrows=ARROWS,
         inputs=_inputs(files),
