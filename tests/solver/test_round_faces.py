@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from functools import cache, reduce
+from itertools import combinations
 from operator import rshift
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 import trimesh
 from manifold3d import Manifold
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 import fcdm_opt as fo
 from fcdm_opt import pacing, solver
@@ -1271,3 +1274,81 @@ def test_a_disc_is_clear_of_two_pins_of_which_one_came_out_larger() -> None:
     smaller = usable(problem.changed(made={"disc": -0.1}, goal="at", contacts="all"))
     assert smaller.lower_bound == pytest.approx(high - math.sqrt(18.95**2 - 144.0), rel=1e-8)
     assert smaller.lower_bound == pytest.approx(smaller.amount, rel=1e-9)
+
+
+def v_ribs() -> fo.Body:
+    """Return a tray with two ribs along x, 5..8 and 32..35, with right-angled grooves for a roller of radius 9."""
+    low, to_x = -9.0 * math.sqrt(2.0), np.eye(4)[[2, 0, 1, 3]].T
+    groove = fo.Prism([(0.0, low), (12.0, low + 12.0), (-12.0, low + 12.0)], 5.0)
+    ribs = [
+        fo.cut(
+            fo.Box((3, 24, 14), centre=(x + 1.5, 0, -10)), groove.moved(np.linalg.inv(to_x)).moved(at((x - 1.0, 0, 0)))
+        )
+        for x in (5.0, 32.0)
+    ]
+    return fo.joined(fo.Box((50, 30, 3), centre=(20, 0, -18.5)), *ribs, name="tray")
+
+
+def at(shift) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, 3] = shift
+    return pose
+
+
+@pytest.mark.parametrize("tilt", [(0.2, 0.3, 0.2), (0.63535163, -0.33360623, -0.1132815)])
+def test_a_tilted_roller_in_two_grooves_was_refused_or_left_overlapping_by_three_shifts(tilt) -> None:
+    roller, low = fo.Cylinder(9.0, 40.0, base=(0, 0, 0), axis="x", name="roller"), -9.0 * math.sqrt(2.0)
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec(tilt, degrees=True).as_matrix()
+    pose[:3, 3] = np.array([0.05, -0.1, 0.05]) - (pose[:3, :3] @ roller.seed - roller.seed)
+    rows, least = [], []  # the axis is 9 from each end of a flank, across both
+    for x in (5.0, 8.0, 32.0, 35.0):
+        for side in (1.0, -1.0):
+            normal = np.cross(pose[:3, 0], [0.0, side, 1.0])
+            normal *= np.sign(normal @ [0.0, -side, 1.0]) / np.linalg.norm(normal)
+            rows.append(normal)
+            least.append(9.0 - (pose[:3, 3] - [x, 0.0, low]) @ normal)
+    held = [[*some] for count in (1, 2, 3) for some in combinations(range(8), count)]
+    shifts = [np.linalg.lstsq(np.array(rows)[some], np.array(least)[some], rcond=None)[0] for some in held]
+    right = min(np.linalg.norm(t) for t in shifts if (np.array(rows) @ t >= np.array(least) - 1e-12).all())
+    found = fo.solve(asked(roller.moved(pose), v_ribs(), X >> Y >> Z, goal="clear"))
+    assert found.usable
+    assert found.amount == pytest.approx(right, rel=1e-7)
+
+
+def test_a_plate_on_two_pins_did_not_fit_from_where_facets_leave_more_play() -> None:
+    play, ends = 0.05, np.array([(-30.0, 0.0), (30.0, 0.0)])
+    pins = [fo.Cylinder(5.0 - play, 20.0, base=(x, 0, -4), facets=16) for x, _ in ends]
+    holes = [fo.Cylinder(5.0, 30.0, base=(x, 0, -10), facets=16) for x, _ in ends]
+    rack = fo.joined(fo.Box((90, 40, 8), centre=(0, 0, -8.01)), *pins, name="rack")
+    plate = fo.cut(fo.Box((90, 40, 8), centre=(0, 0, 4)), *holes, name="plate")
+    seen = at((-0.146488, 0.107982, 0.0))
+    seen[:2, :2] = Rotation.from_rotvec((0, 0, 0.17162), degrees=True).as_matrix()[:2, :2]
+    motion, length = X >> Y >> fo.Rotation(np.eye(3)[2]), 50.0
+    found = fo.solve(asked(plate.moved(seen), rack, motion, goal="clear", length=length))
+    placed = found.transform @ seen
+    apart = np.linalg.norm(ends @ placed[:2, :2].T + placed[:2, 3] - ends, axis=1)
+    assert found.usable
+    assert apart.max() <= play + 1e-6
+
+    def off(y):  # of the holes from their pins, after a motion of weighted parameters
+        turn = Rotation.from_rotvec((0, 0, y[2] / length)).as_matrix()[:2, :2]
+        middles = ends @ seen[:2, :2].T  # the seed lies between them
+        return np.linalg.norm(middles @ turn.T + seen[:2, 3] + y[:2] - ends, axis=1)
+
+    right = minimize(
+        lambda y: y @ y, [0.14, -0.1, 0.0], method="SLSQP", options={"ftol": 1e-15},
+        constraints={"type": "ineq", "fun": lambda y: play - off(y)},
+    )  # fmt: skip
+    assert found.amount == pytest.approx(math.sqrt(right.fun), rel=1e-5)
+
+
+def test_a_keep_out_in_the_way_of_a_round_contact_is_named() -> None:
+    roller = fo.Cylinder(9.0, 40.0, base=(0, 0, 0), axis="x", name="roller")
+    lid = fo.KeepOut(fo.Box((40, 20, 3), centre=(20, 0, 10.6), name="lid"))
+    sizes = [fo.Size("d", "movable", faces="cylinder radius 9", each=0.5, tolerance=0.2)]
+    more = {"goal": "at", "contacts": "all", "sizes": sizes, "made": {"d": 0.1}, "keep_out": (lid,)}
+    found = fo.solve(asked(roller, v_ribs(), Z, **more))
+    assert found.status is fo.Status.INFEASIBLE
+    # the roller rises by .05 sqrt 2 and is .05 larger; the lid is .1 above it
+    assert f"keep-out lid overlap by {0.05 * math.sqrt(2.0) - 0.05:.4g}" in str(found)
