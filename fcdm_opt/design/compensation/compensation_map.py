@@ -401,7 +401,8 @@ def _least(table: Table, members: Ints) -> float:
         # a hull's point nearest to 0 has the shares that bring (own, 1) nearest to (0, 1)
         rows = np.column_stack([own / least, np.ones(len(own))])
         shares, _ = nnls(rows.T, np.eye(rows.shape[1])[-1])
-        found = min(found, float(np.linalg.norm(shares @ own)) / float(shares.sum()))
+        if shares.any():  # none where its nodes are all far beyond the least
+            found = min(found, float(np.linalg.norm(shares @ own)) / float(shares.sum()))
     return found if found > np.nanmax(table.errors[members, 0], initial=0.0) else 0.0
 
 
