@@ -11,7 +11,8 @@ from typing import Literal, cast
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
-from fcdm_opt.geometry.naming import MANY, element_text, names_of_faces, names_of_rows
+from fcdm_opt.geometry.naming import element_text, names_of_faces, names_of_rows
+from fcdm_opt.geometry.round_recognition import MANY_CORNERS
 
 FeatureKind = Literal["V1V2", "V1E2", "E1V2", "E1E2", "V1F2", "F1V2", "E1F2", "F1E2", "F1F2"]
 
@@ -58,7 +59,7 @@ class Feature:
             face = tuple(sorted(element.vertices))
             name = names_of_faces(body).get(face, "") if element.kind == "F" else ""
             corners = ",".join(f"V{v}" for v in element.vertices)
-            words.append(corners if not name else f" {name}" if len(face) >= MANY else f"{corners} of {name}")
+            words.append(corners if not name else f" {name}" if len(face) >= MANY_CORNERS else f"{corners} of {name}")
         return f"{self.kind}(P1{words[0]}; P2{words[1]})"
 
     def in_words(self, movable: Body, static: Body) -> str:

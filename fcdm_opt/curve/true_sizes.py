@@ -160,15 +160,12 @@ def extremes(
 
 def _unmoved(bodies: tuple[Body, Body], sizes: Sequence[Size], free: Flags) -> list[tuple[int, int]]:
     """Return the part pairs that none of these sizes moves."""
-    moved = list[list[bool]]()
+    still = list[list[int]]()
     for role, body in zip(ROLES, bodies, strict=True):
         own = [size for size, one in zip(sizes, free.tolist(), strict=True) if one and size.body == role]
-        moved.append([bool(part.moves.any()) for part in Resizing.of(body, own).parts] if own else [])
-    still = (
-        [k for k in range(len(body.parts)) if not (own and own[k])] for own, body in zip(moved, bodies, strict=True)
-    )
-    one, two = still
-    return [*product(one, two)]
+        moved = [bool(part.moves.any()) for part in Resizing.of(body, own).parts] if own else [False] * len(body.parts)
+        still.append([k for k, moves in enumerate(moved) if not moves])
+    return [*product(still[0], still[1])]
 
 
 class TrueContact(NamedTuple):

@@ -79,7 +79,7 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
     size = faces.body.size
     near = faces.at(point)
     # beside an edge as at it, else a piece would be too small to hold
-    if near and (room := faces.room(near, point, concave=False)) < NEXT_TO_EDGE * size:
+    if near and (room := faces.room(near, point)) < NEXT_TO_EDGE * size:
         around = faces.at(point, (1.0 + DEFAULT.sharp) * room + SMALL * size)
         near = [k for k in around if not any((min(k, own), max(k, own)) in faces.reentrant for own in near)]
         beyond = max((float(faces.patches[k].gaps(point[None])[0][0]) for k in near), default=0.0)
@@ -93,10 +93,10 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
     normals = every[[own[0] for own in smooth]]
     middle = units(normals.sum(axis=0))
     # as places on the face are off those beside the point
-    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point, concave=False)
+    width = (1.0 - BENT**2 / 8.0) * faces.room(near, point)
     bend = max(float(np.abs(np.linalg.eigvalsh(own.bends(point[None])[0])).max()) for own in patches)
-    whole = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
-    width = min(whole, widest)
+    full_width = min(width, SHARE * size, BENT / bend if bend > 0.0 else np.inf)
+    width = min(full_width, widest)
     depth = DEEP * min(width, faces.depth(point, -middle))
     if not min(width, depth) > SMALL * size:
         return []
@@ -118,12 +118,14 @@ def _pieces(body: Body, widest: float, *place: float) -> list[tuple[Array, tuple
         directions = [*both[(both @ normals.T <= DEFAULT.sharp).all(axis=1)]]
         if len(directions) < 3:
             return []
-    # what is straight, as along a cylinder, is exact as far as that goes where another point is near, so that further
-    # rounds have none to add there
+    # of a straight line, as along a cylinder, the first piece has lower ends; one beside another point is exact as far
+    # as the face goes, so that further points need no more of them there
     bends = patches[0].bends(point[None])[0]
     straight = [len(normals) == 1 and abs(d @ bends @ d) < DEFAULT.tie * bend for d in directions]
     lower = LOWER * middle if bend > 0.0 and patches[0].side > 0.0 else np.zeros(3)
-    ends = [(whole, lower * (width == whole)) if own else (width, lower * (len(normals) > 1)) for own in straight]
+    ends = [
+        (full_width, lower * (width == full_width)) if own else (width, lower * (len(normals) > 1)) for own in straight
+    ]
     ring = [_within(patches, point + far * (d - low)) for d, (far, low) in zip(directions, ends, strict=True)]
     corners = np.array([point, *ring, point - depth * middle])
     hull = convex_hull(corners, np.arange(len(corners)), "a piece of a round face")

@@ -21,12 +21,13 @@ from fcdm_opt.geometry.bodies import Body, ConvexPart, cached_of_whole, cached_p
 from fcdm_opt.geometry.elements import Element, Elements, own_elements
 from fcdm_opt.geometry.hull import Hull, convex_hull
 from fcdm_opt.geometry.measures import corners_within, cross, least_vector, norms, short_decimals, unit_normals, units
-from fcdm_opt.geometry.naming import MANY, rows_at
+from fcdm_opt.geometry.naming import rows_at
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.pyramids import pyramids
 from fcdm_opt.geometry.round_recognition import (
     FEWEST,
     GENTLE,
+    MANY_CORNERS,
     ROUNDED,
     Label,
     Round,
@@ -173,7 +174,9 @@ def _smooth(body: Body, normals: dict[Label, Array], known: Set[Label]) -> tuple
     """Return faces that stand for smooth ones of no known kind, (k,), and their estimated errors, (k, 2)."""
     # of facets side by side that turn gently, where their bends explain most of how they turn. Those of blunt corners,
     # which turn anyhow, do not
-    faces = sorted(face for face in normals if len(face) < MANY and face not in known and face in body.face_rows)
+    faces = sorted(
+        face for face in normals if len(face) < MANY_CORNERS and face not in known and face in body.face_rows
+    )
     if len(faces) < STRIP:
         return np.empty(0, np.int64), np.empty((0, 2))
     looks, (pairs, ends) = np.array([normals[face] for face in faces]), neighbours(faces)
@@ -250,7 +253,7 @@ def _bent(
         inner = _squared(form[places], flat - flat.mean(axis=1, keepdims=True)).mean(axis=1) / 2.0
         heights = np.column_stack([_squared(form[places], sides) / 8.0, inner])
         errors[places] = MARGIN * np.column_stack([-heights.min(axis=1), heights.max(axis=1)])
-    padded = points[np.array([(face * MANY)[:MANY] for face in faces]) - 1]
+    padded = points[np.array([(face * MANY_CORNERS)[:MANY_CORNERS] for face in faces]) - 1]
     (one, two), start = np.concatenate([pairs, pairs[:, ::-1]]).T, np.tile(points[ends[:, 0]], (2, 1))
     side = np.tile(np.diff(points[ends], axis=1)[:, 0], (2, 1))
     along, length, k = units(side), norms(side), np.arange(len(one))

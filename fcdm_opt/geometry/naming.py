@@ -14,10 +14,10 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.polygons import distances
 from fcdm_opt.geometry.round_recognition import (
     FEW,
-    MANY,
+    MANY_CORNERS,
     Label,
     Round,
-    looks_of_faces,
+    normals_and_rounds,
 )
 from fcdm_opt.tolerances import DEFAULT
 
@@ -46,8 +46,8 @@ def names_of_faces(body: Body, *, four_digits: bool = False) -> dict[Label, str]
     """
     if body.at_scale is not None:
         return names_of_faces(body.at_scale[0], four_digits=four_digits)
-    normals, rounds = looks_of_faces(body)
-    return {**_plane(body, normals, MANY), **_numbered(body, rounds, four_digits)}
+    normals, rounds = normals_and_rounds(body)
+    return {**_plane(body, normals, MANY_CORNERS), **_numbered(body, rounds, four_digits)}
 
 
 def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[Label, str]:
@@ -58,7 +58,9 @@ def _numbered(body: Body, rounds: Sequence[Round], four_digits: bool) -> dict[La
     ]
     names = dict(sorted(zip(order, numbered_names([called[k] for k in order]), strict=True)))
     if (drawn := body.drawn) is not None:  # surfaces that are told are in the same order, whatever labels faces have
-        before = looks_of_faces(drawn)[1] if body.surfaces is not None else rounds if drawn.faces == body.faces else []
+        before = (
+            normals_and_rounds(drawn)[1] if body.surfaces is not None else rounds if drawn.faces == body.faces else []
+        )
         known = names_of_faces(drawn, four_digits=four_digits)
         alike = zip(called, [NUMBER.search(known.get(own.faces[0], "")) for own in before], strict=False)
         as_drawn = {k: name + (number[0] if number else "") for k, (name, number) in enumerate(alike)}
@@ -184,7 +186,7 @@ def _rounded(name: str) -> str:
 @cached_of_whole
 def described_faces(body: Body, *, four_digits: bool = False) -> dict[Label, tuple[str, str]]:
     """Return a name for every face of a body, and the axes that it looks along, "" where it is round."""
-    normals, rounds = looks_of_faces(body)
+    normals, rounds = normals_and_rounds(body)
     named = {}
     for face, name in {**_plane(body, normals, 0), **_numbered(body, rounds, four_digits)}.items():
         normal = normals[face]

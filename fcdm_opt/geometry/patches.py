@@ -286,13 +286,11 @@ class TrueFaces:
             found.append(bool(centred and (aligned or (surface.line is None and not surface.ring))))
         return np.array(found)
 
-    def room(self, near: Sequence[int], point: Array, *, concave: bool = True) -> float:
-        """Return how far true edges are from a point of some patches, but for those between two of these.
-
-        Without the `concave` ones of these: what is behind a surface there is in the material beyond them too.
-        """
+    def room(self, near: Sequence[int], point: Array) -> float:
+        """Return how far true edges are from a point of some patches, but for concave ones and those between two."""
+        # what is behind a surface there is in the material beyond concave edges too
         own = np.isin(self.every_pair_of_patches, near)
-        others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds & (not concave))))
+        others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds)))
         away = distances(point[None], self.every_edge[others])[:, 0]
         order, least, most = np.argsort(away), np.inf, 2.0 * max(deviation_of(self.body))
         for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
@@ -308,11 +306,6 @@ class TrueFaces:
                 at = self.onto(pair, at + along * (along @ (point - at)))
             least = min(least, max(float(norms(at - point)), far - bow))
         return least
-
-    def along(self, start: Array, end: Array) -> Array | None:
-        """Return the point of a face, or of an edge, near another of its points moved; None where it may end before."""
-        near = self.at(start)
-        return self.onto(near, end) if near and 2.0 * float(norms(end - start)) < self.room(near, start) else None
 
     def onto(self, patches: Sequence[int], point: Array) -> Array:
         """Return a point moved onto the surfaces of patches."""

@@ -15,7 +15,7 @@ from fcdm_opt.geometry.measures import cross, dots, norms, units
 from fcdm_opt.geometry.polygons import by_size, components
 from fcdm_opt.geometry.tessellation import RoundFaces, Swept
 
-MANY = 8  # corners from which a plane face goes by a name
+MANY_CORNERS = 8  # corners from which a plane face goes by a name
 FEWEST = 6  # facets side by side that are taken for a cylinder
 BALL = 20  # those that are taken for a sphere
 ROUNDED = 2 * FEWEST  # facets a turn from which on a polygon is taken for a circle, not for a prism
@@ -42,7 +42,7 @@ class Round(NamedTuple):
 
 
 @cached_of_whole
-def looks_of_faces(body: Body) -> tuple[dict[Label, Array], list[Round]]:
+def normals_and_rounds(body: Body) -> tuple[dict[Label, Array], list[Round]]:
     """Return a normal of each face, and what of the body is round."""
     normals = normals_of_faces(body)
     return normals, _round(body, normals) if body.surfaces is None else _named_surfaces(body, body.surfaces, normals)
@@ -67,7 +67,7 @@ def _named_surfaces(body: Body, surfaces: RoundFaces, normals: dict[Label, Array
 
 def round_faces(body: Body) -> list[Round]:
     """Return the cylinders, cones and spheres that facets of a body stand for: their corners lie on these."""
-    return looks_of_faces(body)[1]
+    return normals_and_rounds(body)[1]
 
 
 def radius_text(radius: float, off: float = 0.0) -> str:
@@ -95,7 +95,7 @@ def normals_of_faces(body: Body) -> dict[Label, Array]:
 
 def _round(body: Body, normals: dict[Label, Array]) -> list[Round]:
     """Return the facets that lie side by side on a sphere, around one axis, or about an apex: each on one of these."""
-    facets = sorted(face for face in normals if len(face) < MANY)
+    facets = sorted(face for face in normals if len(face) < MANY_CORNERS)
     looks = np.array([normals[face] for face in facets])
     pairs, ends = neighbours(facets)
     if not len(pairs):
@@ -193,7 +193,7 @@ def _spheres(
     # each two facets tell one; of those that most tell alike, all facets there that are on it. Where it is cut off,
     # corners lie on edges of its facets: no farther out, and in planes no nearer to its centre than theirs
     points, found = body.vertices, list[Round]()
-    corners = np.array([(face * MANY)[:MANY] for face in facets]) - 1
+    corners = np.array([(face * MANY_CORNERS)[:MANY_CORNERS] for face in facets]) - 1
     start = points[ends[:, 0]]
     spokes = np.stack([points[rows] - start for rows in (ends[:, 1], *tops)], axis=1)
     arms = np.linalg.solve(spokes, (spokes**2).sum(axis=2, keepdims=True) / 2.0)[..., 0]

@@ -406,11 +406,6 @@ def _wall(part: ConvexPart, normal: Array, body: Body) -> Element | None:
     return face if on_round or towards[best] >= 1.0 - DEFAULT.side else None
 
 
-def mismatched(scene: Scene) -> bool:
-    """Tell whether two parts of a scene do not go together, see `misfit`."""
-    return any(misfit(problem) is not None for problem in scene.relations.values())
-
-
 def verdict(scene: Scene) -> str:
     """Return the misfit of two parts of a scene in words, the first there is; empty where no two walls tell."""
     tight = (problem for problem in scene.relations.values() if misfit(problem) is not None)
