@@ -268,6 +268,9 @@ def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[
     """Return the keys of a case and the defaults: whose tolerance goes with a requirement alone."""
     # and whose contacts go with the goals and the pair that restore them together, and clearance with what is "clear"
     given = {**defaults, **case}
+    for key, other in (("requirement", "target"), ("target", "requirement")):  # one of them says what is asked
+        if key in case and other not in case:
+            given.pop(other, None)
     restoring = given.get("goal") in RESTORING_GOALS and given.get("pair") != "clear"
     if case.get("contacts") == [] or ("contacts" not in case and not restoring):
         given.pop("contacts", None)

@@ -806,6 +806,20 @@ def test_a_tolerance_of_the_defaults_was_refused_by_cases_with_a_target(tmp_path
         load_problems(path)
 
 
+def test_a_target_of_the_defaults_was_refused_by_cases_with_a_requirement(tmp_path: Path) -> None:
+    """As one requirement of the defaults was by cases with a target: what the case says is asked."""
+    text, path = (PROBLEMS / "peg_square.toml").read_text().partition("\n[[case]]")[0], tmp_path / "p.toml"
+    text = text.replace('file = "', f'file = "{PROBLEMS}/')
+    for default in ("target = [1.01, 1.0]", 'requirement = "B"'):
+        given = re.sub(r"(?m)^(goal|tolerance) = .*\n", "", text).replace("[defaults]", f"[defaults]\n{default}")
+        path.write_text(
+            given + '\n[[case]]\nname = "A"\nrequirement = "A"\ntolerance = 0.02\ngoal = "touch"\n'
+            '[[case]]\nname = "own"\ntarget = [1.0, 0.99]\ngoal = "touch"\n'
+        )
+        sizes = {own.name: (own.requirement, own.target.tolist()) for own in load_problems(path)}
+        assert sizes == {"A": ("A", [1.02, 1.02]), "own": (None, [1.0, 0.99])}
+
+
 def test_what_the_digits_of_a_file_leave_open_was_lost_in_plain_data(tmp_path: Path) -> None:
     """Of an STL in single precision; `whatif` on the command line answered with facets, NOT VERIFIED."""
     import trimesh
