@@ -156,7 +156,7 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
-        for known in ("_boxes", "off_triangles", "rims"):
+        for known in ("_boxes", "off_triangles", "_bows", "rims"):
             other.__dict__.pop(known, None)
         other._join(unit_normals(corners))
         return other
@@ -219,6 +219,13 @@ class TrueFaces:
         return found
 
     @cached_property
+    def _bows(self) -> Array:
+        """From the middle of each chord between two patches to the edge that it stands for, (m, 3)."""
+        middles = self.every_edge.mean(axis=1)
+        surfaces = [own.surface for own in self.patches]
+        return onto_each(middles, surfaces, self.every_pair_of_patches) - middles
+
+    @cached_property
     def rims(self) -> dict[tuple[int, int], Rim]:
         """The bent edges of plane patches, by these and the patch beyond."""
         pairs, edges, surfaces = self.every_pair_of_patches, self.every_edge, [own.surface for own in self.patches]
@@ -226,7 +233,7 @@ class TrueFaces:
         flat = np.array([own.flat for own in surfaces])
         rows = np.flatnonzero(flat[both[:, 0]] & ~flat[both[:, 1]])
         both, ends = both[rows], ends[rows]
-        bows = onto_each(ends.mean(axis=1), surfaces, both) - ends.mean(axis=1)
+        bows = np.concatenate([self._bows, self._bows])[rows]
         inward = cross(np.array([own.axis for own in surfaces])[both[:, 0]], ends[:, 1] - ends[:, 0])
         bent = norms(bows) > self.slack  # straight edges are no rim, as of the flat of a D-shaped bore
         short, found = (bows * inward).sum(axis=1) < 0.0, dict[tuple[int, int], Rim]()
@@ -291,20 +298,24 @@ class TrueFaces:
         # what is behind a surface there is in the material beyond concave edges too
         own = np.isin(self.every_pair_of_patches, near)
         others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds)))
-        away = distances(point[None], self.every_edge[others])[:, 0]
-        order, least, most = np.argsort(away), np.inf, 2.0 * max(deviation_of(self.body))
+        bows, near_by = norms(self._bows)[others], DEFAULT.tie * self.body.size
+        away = distances(point[None], self.every_edge[others])[:, 0] - bows
+        straight = bows <= near_by
+        least = float(away[straight].min(initial=np.inf))
+        order = np.flatnonzero(~straight)[np.argsort(away[~straight])]
         for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
-            if far - most >= least:
+            if far >= least:
                 break
-            pair, middle = self.every_pair_of_patches[k].tolist(), self.every_edge[k].mean(axis=0)
-            at = self.onto(pair, middle)
-            bow = float(norms(at - middle))
+            pair, at = self.every_pair_of_patches[k].tolist(), self.every_edge[k].mean(axis=0) + self._bows[k]
             for _ in range(NEARING):  # from there along the arc, which may end before
                 one, two = (self.patches[own].gaps(at[None])[1][0] for own in pair)
                 along = cross(one, two)
                 along = units(along if norms(along) > DEFAULT.sharp else self.every_edge[k, 1] - self.every_edge[k, 0])
-                at = self.onto(pair, at + along * (along @ (point - at)))
-            least = min(least, max(float(norms(at - point)), far - bow))
+                step = along @ (point - at)
+                at = self.onto(pair, at + along * step)
+                if abs(step) <= near_by:
+                    break
+            least = min(least, max(float(norms(at - point)), far))
         return least
 
     def onto(self, patches: Sequence[int], point: Array) -> Array:
@@ -313,7 +324,15 @@ class TrueFaces:
         for _ in range(3):
             off, normal = zip(*(self.patches[k].gaps(at[None]) for k in patches), strict=True)
             at -= np.linalg.lstsq(np.concatenate(normal), np.concatenate(off), rcond=DEFAULT.sharp)[0]
+            if np.abs(off).max() <= DEFAULT.tie * self.body.size:
+                break
         return at
+
+    def goes_round(self, k: int) -> bool:
+        """Tell whether a cylinder's face goes all round its axis: it ends at edges across that alone."""
+        edges = self.every_edge[(self.every_pair_of_patches == k).any(axis=1)]
+        along = (edges[:, 1] - edges[:, 0]) @ self.patches[k].surface.axis
+        return bool(np.abs(along).max(initial=0.0) <= self.slack)
 
     def patch_of(self, row: int) -> int:
         """Return the patch that a row of `Body.faces` stands for."""

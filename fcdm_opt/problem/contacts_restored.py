@@ -13,7 +13,8 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.linalg import null_space
+from scipy.optimize import minimize, nnls
 
 from fcdm_opt.curve.contact import Joint
 from fcdm_opt.curve.decision_curve import relative_pose
@@ -155,6 +156,7 @@ RESTORED = "1: linear equations of the contacts of true faces"
 ROUNDS = 10  # of Newton's method: one where a face of each pair that meets is plane
 STARTS = 0.0, 0.05, -0.05  # of the size: where contacts change with the square of a turn none leaves the first
 MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
+STEP = 0.1  # of a shift: by so much it is left where the least one is another
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
 Pairs = set[tuple[int, int]]  # true faces of either body that meet in a point, by number
@@ -318,6 +320,11 @@ def _from(
             shares, off = nnls(rows.T, y) if len(rows) else (np.zeros(0), np.inf)
             short, w = off > DEFAULT.tie * np.linalg.norm(y), shares @ rows
             bound = float(w @ y / np.linalg.norm(w) if short and w.any() else not short and np.linalg.norm(y))
+            apart = [*_kept_apart(asked, before, q)] if short and not turns else []
+            if apart and (smaller := _smaller(y, held, apart)) is not None:
+                if smaller is not y and (found := _from(smaller, asked, before, balls)) is not None:
+                    return found
+                bound = float(np.linalg.norm(y)) if smaller is y else bound
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
@@ -356,6 +363,75 @@ def _closing(problem: Problem, before: Sequence[Pairs], points: Sequence[Nearest
         if convex and all(own.gaps(point[None])[1][0] @ n > 1.0 - DEFAULT.nominal for own, point, n in each):
             found.append(-_rows_of_points(problem, [met], q)[0][1])
     return found
+
+
+class KeptApart(NamedTuple):
+    """Two parallel cylinders, or spheres and what they touch: their axes, or centres, are so far apart in contact."""
+
+    offset: Array  # from that of body 2 to that of body 1 after a shift, across the axes, (3,)
+    slopes: Array  # its derivatives by the weighted parameters, (3, k)
+    # 1 where they are apart by no less wherever the faces touch, at an edge of one of them too, as in a bore; -1 where
+    # by no more; 0 where both, as of bores and pins all round
+    side: float
+
+
+def _kept_apart(asked: Sequence[Problem], before: Sequence[list[Pairs]], q: Array) -> Iterator[KeptApart]:
+    """Yield what contacts of true faces as drawn, that shifts restore, keep apart; see `KeptApart`."""
+    for problem, contacts in zip(asked, before, strict=True):
+        seeds = problem.movable.seed, problem.static.seed
+        shift, rates = problem.motion.transform(q, *seeds)[:3, 3], problem.motion.shift_vectors(*seeds).T
+        bodies = zip(problem.bodies_made.values(), problem.target.tolist(), strict=True)
+        of_each = [(true_faces(body), body, scale) for body, scale in bodies]
+        for pair in (pair for pairs in contacts for pair in pairs):
+            made = [_patch_made(body, k, scale) for (_, body, scale), k in zip(of_each, pair, strict=True)]
+            one, two = (own.surface for own in made)
+            if any(own.flat or own.ring or (own.line is not None and own.line[1]) for own in (one, two)):
+                continue
+            axes = [own.axis for own in (one, two) if own.line is not None]
+            if len(axes) > 1 and norms(cross(*axes)) > DEFAULT.nominal:
+                continue
+            across = np.eye(3) - (np.outer(axes[0], axes[0]) if axes else 0.0)
+            whole = len(axes) > 1 and all(faces.goes_round(k) for (faces, *_), k in zip(of_each, pair, strict=True))
+            side = 0.0 if whole else 1.0 if min(own.side for own in made) < 0.0 else -1.0
+            yield KeptApart(across @ (one.origin + shift - two.origin), across @ rates / problem.weights, side)
+
+
+def _smaller(y: Array, held: Array, apart: Sequence[KeptApart]) -> Array | None:
+    """Return a smaller shift, (k,) weighted, that closes plane gaps with slopes `held` and keeps axes apart alike.
+
+    The same one where there is none, by Lagrange's function, |y|^2 less multiples of what is to be 0: where it is
+    convex as far as plane gaps stay closed, its stationary point is its least one. None where that is not known.
+    """
+    size, held = float(np.linalg.norm(y)), held.reshape(-1, len(y))
+    rows = np.array([*held, *(own.offset @ own.slopes for own in apart)])
+    shares = np.linalg.lstsq(rows.T, y)[0]
+    multipliers = shares[len(held) :]
+    if np.linalg.norm(shares @ rows - y) > DEFAULT.nominal * size:
+        return None
+    bend = np.eye(len(y)) - sum(x * own.slopes.T @ own.slopes for x, own in zip(multipliers, apart, strict=True))
+    closed = null_space(held) if len(held) else np.eye(len(y))  # shifts that keep plane gaps closed
+    convex = np.linalg.eigvalsh(closed.T @ bend @ closed).min(initial=0.0) >= -DEFAULT.nominal
+    if convex:
+        right = all(share * own.side >= 0.0 for share, own in zip(multipliers, apart, strict=True))
+        return y if right else None
+    free = null_space(rows)  # where it bends down along shifts that keep all closed, it is no least one
+    rates, axes = np.linalg.eigh(free.T @ bend @ free)
+    if not rates.min(initial=0.0) < -DEFAULT.nominal:
+        return None
+
+    offsets, turns = np.array([own.offset for own in apart]) / size, np.array([own.slopes for own in apart])
+
+    def off(x: Array) -> Array:
+        there = offsets + turns @ (x - y / size)
+        return np.concatenate([held @ (x - y / size), (there**2 - offsets**2).sum(axis=1)])
+
+    def rates_of(x: Array) -> Array:
+        return np.vstack([held, 2.0 * np.einsum("ij,ijk->ik", offsets + turns @ (x - y / size), turns)])
+
+    start = y / size + STEP * free @ axes[:, rates.argmin()]
+    kept = {"type": "eq", "fun": off, "jac": rates_of}
+    found = minimize(lambda x: x @ x, start, jac=lambda x: 2.0 * x, constraints=kept, method="SLSQP", tol=DEFAULT.tie)
+    return size * found.x if found.success and found.fun < 1.0 - DEFAULT.tie else None
 
 
 def _rows_of_balls(problem: Problem, balls: Sequence[BallOnFace], q: Array) -> Rows:
