@@ -30,7 +30,14 @@ from fcdm_opt.model.true_faces import ROUNDS, Exchange
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
 from fcdm_opt.problem.assembly import CLEAR, Assembly, JoinedPair
-from fcdm_opt.problem.contacts_restored import RESTORED, has_plane_contacts, restoring_motion, touching_again
+from fcdm_opt.problem.contacts_restored import (
+    RESTORED,
+    has_plane_contacts,
+    is_of_plane_faces,
+    restores,
+    restoring_motion,
+    touching_again,
+)
 from fcdm_opt.problem.evidence import SharedBound
 from fcdm_opt.problem.problem import Problem
 from fcdm_opt.problem.solution import UNMET, Solution, Status
@@ -148,20 +155,35 @@ class _Solving:
         if restored is not None:
             return restored
         relaxed = self._relaxed(group) if self._prove else 0.0
-        rounds = [Exchange.of(problem) for problem in asked]
-        for _ in range(ROUNDS):
-            problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
-            tasks = [replace(Task.of(problem), size=assembly.size) for problem in problems]
-            answer = all_at_once(problems, tasks, names, known=relaxed, prove=self._prove)
-            both = zip(rounds, tasks, strict=True)
-            here = answer.q
-            refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
-            if not any(refined):
-                break
+        weighted = assembly.amount == "weighted"
+        touching = [own if is_of_plane_faces(own) else touching_again(own) or own for own in asked]
+        closing = [own for own, other in zip(asked, touching, strict=True) if other is not own]
+        if closing and weighted:
+            answer, rounds = self._all_at_once(touching, names, relaxed)
+            if answer.q is not None and all(restores(own, Task.of(own).transform(answer.q)) for own in closing):
+                amount = float(np.linalg.norm(asked[0].weights * answer.q))
+                answer = replace(answer, lower_bound=min(relaxed, amount))  # of true faces, as contacts' own are
+                return self._moved(group, parts, asked, answer, rounds)._replace(open_=(answer.lower_bound, amount))
+        answer, rounds = self._all_at_once(asked, names, relaxed)
         met = self._moved(group, parts, asked, answer, rounds)
         if impossible and answer.q is None:
             return met._replace(status=Status.INFEASIBLE, bound=np.inf, open_=(np.inf, np.inf))
-        return met._replace(open_=open_amounts(asked, answer.q)) if assembly.amount == "weighted" else met
+        return met._replace(open_=open_amounts(asked, answer.q)) if weighted else met
+
+    def _all_at_once(
+        self, asked: Sequence[Problem], names: Sequence[str], known: float
+    ) -> tuple[Answer, list[Exchange | None]]:
+        """Return the answer to questions that share motions, and the points at which their parts are exact for it."""
+        rounds = [Exchange.of(problem) for problem in asked]
+        for _ in range(ROUNDS):
+            problems = [own if each is None else each.problem for own, each in zip(asked, rounds, strict=True)]
+            tasks = [replace(Task.of(problem), size=self._assembly.size) for problem in problems]
+            answer = all_at_once(problems, tasks, names, known=known, prove=self._prove)
+            both, here = zip(rounds, tasks, strict=True), answer.q
+            refined = [own.refine(task.transform(here)) for own, task in both if here is not None and own is not None]
+            if not any(refined):
+                break
+        return answer, rounds
 
     def _moved(
         self,

@@ -446,8 +446,24 @@ def _nearest(problem: Problem, before: Sequence[Pairs], pose: Array) -> list[Nea
         found = [*_met(problem, pose, share)]
         each = [[own for pairs, own in found if pairs & met] for met in before]
         if all(each):
-            return [min(own, key=lambda one: one.gap) for own in each]
+            return [_soonest_closed(problem, own) for own in each]
     return []
+
+
+def _soonest_closed(problem: Problem, near: Sequence[NearestPoints]) -> NearestPoints:
+    """Return where a contact's faces are nearest: of places as near, as of a thinner pin amid its bore, one to close.
+
+    That along whose normal the motion's shifts go farthest for their amount; of those alike the middle one.
+    """
+    least = min(near, key=lambda own: own.gap)
+    alike = [own for own in near if own.gap <= least.gap + problem.contact_slack]
+    if not problem.motion.shifts or len(alike) == 1:
+        return least
+    normals = np.array([own.normal for own in alike])
+    shifts = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
+    reach = np.linalg.norm(normals @ shifts.T, axis=1)
+    far = reach >= (1.0 - DEFAULT.snap) * reach.max()
+    return alike[int(np.where(far, normals @ normals.sum(axis=0), -np.inf).argmax())]
 
 
 def flat_contacts(problem: Problem) -> list[Feature]:

@@ -272,7 +272,7 @@ def bound_text(solution: Bounded) -> str:
     rounded = floored(solution.lower_bound, DIGITS)
     if not math.isfinite(solution.gap):
         return rounded
-    mesh = "of the mesh" * bool(solution.left_by_mesh)
+    mesh = "of the mesh" * bool(solution.left_by_mesh and not solution.amount_low >= solution.lower_bound)
     if proved_least(solution):
         return f"{amount_text(solution.amount)}\n{mesh or 'exact'}"
     if solution.gap <= ALMOST:  # how near it is differs with the time that a proof has

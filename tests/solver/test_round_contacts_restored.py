@@ -4,14 +4,16 @@ import json
 from dataclasses import replace
 from html import unescape
 from itertools import product
-from math import cos, hypot, sin
+from math import cos, hypot, sin, sqrt
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.optimize import minimize
 
 import fcdm_opt as fo
 
+X, Z = fo.Translation("x"), fo.Translation("z")
 GRIPPER = """
 title = "gripper"
 [[part]]
@@ -323,3 +325,69 @@ def test_the_question_of_a_contact_of_an_assembly_was_the_one_that_was_solved_in
             for pair, contact in zip(assembly.contacts, own.contacts, strict=True):
                 assert contact.problem.goal == assembly.problem(pair).goal != "touch"
                 assert [*map(str, contact.problem.contacts)] == [*map(str, assembly.problem(pair).contacts)]
+
+
+def hinge(**made: float) -> fo.Assembly:
+    """Return a pin in the bores of two lugs and of a leaf, that both shift in the world: the leaf .05 below the pin."""
+    y = {"axis": "y"}
+    lugs = fo.cut(fo.Box((10, 20, 10)), fo.Cylinder(3, 40, base=(0, -20, 0), **y), name="lugs")
+    pin = fo.Cylinder(2.95, 60, base=(0, -30, -0.05), name="pin", **y)
+    leaf = fo.Box((10, 9.9, 10), centre=(0, 15.05, -0.1))
+    leaf = fo.cut(leaf, fo.Cylinder(3, 40, base=(0, 0, -0.1), **y), name="leaf")
+    sizes = [
+        fo.Size("pin", "pin", faces="cylinder radius 2.95", each=0.5, tolerance=0.05),
+        fo.Size("bore", "leaf", faces="bore radius 3", each=-0.5, tolerance=0.05),
+    ]
+    motions, follows = {"pin": X >> Z, "leaf": X >> Z}, {"leaf": "lugs"}
+    return fo.Assembly(
+        [lugs, pin, leaf], [("pin", "lugs"), ("leaf", "pin")], sizes, motions, follows=follows, made=made
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "shifts"),
+    [({"pin": -0.02}, (-0.01, -0.02)), ({"pin": 0.03}, (0.015, 0.03)), ({"pin": 0.02, "bore": 0.04}, (0.01, 0.0))],
+)
+def test_a_pin_in_two_bores_that_share_it_is_proved_least(made: dict[str, float], shifts: tuple[float, float]) -> None:
+    """As far down as the play grows, the leaf by both plays; "proved at least 0" was said."""
+    found = fo.solve(hinge(**made))
+    down = [found.parameters[part]["TZ"] for part in ("pin", "leaf")]
+    assert down == pytest.approx(shifts, abs=1e-9)
+    assert found.lower_bound == pytest.approx(np.hypot(*shifts), rel=1e-9)
+
+
+def test_a_pin_aside_in_two_bores_moves_less_than_one_that_goes_straight_down() -> None:
+    """With plays of .07 and .08, of which .05 each are used up as drawn: the least of all directions of both plays."""
+
+    def shifts(angles: np.ndarray) -> np.ndarray:
+        """Return x + i z of the pin and of the leaf, where each is at the end of its play at an angle."""
+        pin, leaf = np.array([0.07, 0.08])[:, None] * np.exp(1j * angles) + 0.05j
+        return np.array([pin, pin + leaf])
+
+    def amount(angles: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(shifts(angles.reshape(2, -1)), axis=0)
+
+    every = np.array([*product(np.linspace(-np.pi, np.pi, 361), repeat=2)]).T
+    start = every[:, amount(every).argmin()]
+    least = minimize(lambda x: amount(x)[0], start, method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-14}).fun
+    found = fo.solve(hinge(pin=-0.04, bore=0.02))
+    assert found.amount == pytest.approx(least, rel=1e-8)
+    assert found.lower_bound == pytest.approx(least, rel=1e-8)
+    assert found.amount < 0.85 * hypot(0.02, 0.05)
+
+
+def test_a_strap_over_a_pipe_of_another_size_in_bores_of_less_than_a_half() -> None:
+    """A larger pipe rests on the edges of both, 1 beside the middle; of a smaller one less than straight down does."""
+    bore, rise = fo.Cylinder(3, 40, base=(0, -20, 0), axis="y"), sqrt(3.01**2 - 8.0) - 1.0
+    base = fo.cut(fo.Box((20, 10, 10), centre=(0, 0, -6)), bore, name="base")
+    strap = fo.cut(fo.Box((20, 10, 10), centre=(0, 0, 6)), bore, name="strap")
+    pipe = fo.Cylinder(3, 30, base=(0, -15, 0), axis="y", name="pipe")
+    size = fo.Size("pipe", "pipe", faces="cylinder radius 3", each=0.5, tolerance=0.05)
+    motions, follows = {"pipe": X >> Z, "strap": X >> Z}, {"strap": "base"}
+    contacts, parts = [("pipe", "base"), ("strap", "pipe")], [base, pipe, strap]
+    found = fo.solve(fo.Assembly(parts, contacts, [size], motions, follows=follows, made={"pipe": 0.02}))
+    assert [found.parameters[part]["TZ"] for part in ("pipe", "strap")] == pytest.approx([rise, 2 * rise], abs=1e-7)
+    assert found.lower_bound >= 0.999 * rise
+    thinner = fo.solve(fo.Assembly(parts, contacts, [size], motions, follows=follows, made={"pipe": -0.02}))
+    assert thinner.usable
+    assert thinner.amount < hypot(0.01, 0.02)
