@@ -322,8 +322,8 @@ def _from(
             bound = float(w @ y / np.linalg.norm(w) if short and w.any() else not short and np.linalg.norm(y))
             apart = [*_kept_apart(asked, before, q)] if short and not turns else []
             if apart and (smaller := _smaller(y, held, apart)) is not None:
-                if smaller is not y and (found := _from(smaller, asked, before, balls)) is not None:
-                    return found
+                if smaller is not y and (less := _from(smaller, asked, before, balls)) is not None:
+                    return less
                 bound = float(np.linalg.norm(y)) if smaller is y else bound
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
             if turns and not inside:
