@@ -29,7 +29,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import depth_as_drawn
+from fcdm_opt.geometry.solids import PlacedSolids, depth_as_drawn
 from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
 from fcdm_opt.problem.fit import (
     REST,
@@ -120,6 +120,30 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
             return True
         before = after
     return False
+
+
+def is_in_the_way(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
+    """Tell whether body 1 goes through body 2, or a keep-out, on its straight way, or digs into it in a large turn."""
+    return goes_through(problem, parameters, keep_out) or _digs_into(problem, parameters, keep_out)
+
+
+@lru_cache(maxsize=16)
+def _digs_into(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None) -> bool:
+    """Tell whether on the way of a large turn body 1 as made overlaps the other far deeper than at both ends."""
+    problem = problem.of_facets
+    q = np.array(parameters)
+    turned = float(np.abs(q[problem.motion.turning]).sum())
+    if not turned > TURN:
+        return False
+    _, (_, other, _, its) = _sizes(problem, keep_out)
+    scales = np.array([problem.target[0], its])
+
+    def depth(share: float) -> float:
+        pacing.check()
+        return PlacedSolids(problem.movable, other, scales, _poses(problem, share * q[None])[0]).depth
+
+    most = GROWTH * (depth(0.0) + depth(1.0)) + DEFAULT.snap * problem.size
+    return any(depth(share) > most for share in np.linspace(0.0, 1.0, min(1 + int(turned / TURN), MOST_STEPS) + 1)[1:-1])
 
 
 def _poses(problem: Problem, parameters: Array) -> Array:

@@ -16,7 +16,7 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import element_text, is_round, with_article
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.judge.engagement import goes_through
+from fcdm_opt.judge.engagement import is_in_the_way
 from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
 from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
@@ -135,7 +135,8 @@ def answer_text(solution: Solution) -> str:
         row += f"pair made {solution.pair_state}; {texts.outcome_text(solution)}"
     else:
         row += f": {texts.outcome_text(solution)}"
-    return "\n".join([f"{head}{verdict_text(solution)}", row, *beyond_tolerances(problem), *straight_texts(solution)])
+    first = "; ".join([f"{head}{verdict_text(solution)}", *straight_texts(solution)])
+    return "\n".join([first, row, *beyond_tolerances(problem)])
 
 
 def straight_texts(solution: Solution) -> list[str]:
@@ -150,7 +151,7 @@ def gone_through(solution: Solution) -> list[str]:
     return [
         name_of(problem, 1) if other is None else f"keep-out {other.name}"
         for other in (None, *problem.keep_out)
-        if any(parameters) and pacing.in_time(goes_through, problem, parameters, other, late=False)
+        if any(parameters) and pacing.in_time(is_in_the_way, problem, parameters, other, late=False)
     ]
 
 
