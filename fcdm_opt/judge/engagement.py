@@ -143,7 +143,8 @@ def _digs_into(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOu
         return PlacedSolids(problem.movable, other, scales, _poses(problem, share * q[None])[0]).depth
 
     most = GROWTH * (depth(0.0) + depth(1.0)) + DEFAULT.snap * problem.size
-    return any(depth(share) > most for share in np.linspace(0.0, 1.0, min(1 + int(turned / TURN), MOST_STEPS) + 1)[1:-1])
+    steps = min(1 + int(turned / TURN), MOST_STEPS)
+    return any(depth(k / steps) > most for k in range(1, steps))
 
 
 def _poses(problem: Problem, parameters: Array) -> Array:

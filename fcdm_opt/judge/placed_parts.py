@@ -134,7 +134,7 @@ def gone_through(solution: Bounded) -> list[tuple[str, str]]:
         moved.append((*names, solution.problem, tuple(solution.parameters.values())))
     for one, two, problem, q in moved:
         found += [(one, two)] if is_in_the_way(problem, q) else []
-        found += [(one, own.name) for own in problem.keep_out if goes_through(problem, q, own)]
+        found += [(one, own.name) for own in problem.keep_out if is_in_the_way(problem, q, own)]
     return found
 
 
