@@ -29,6 +29,7 @@ def margin(x, y, tilt, radius=5.0):
     return sqrt(radius**2 - y**2) - (x * cos(tilt) + s * sin(tilt))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("x", "y", "facets"), [(4.8, 1.0, 32), (4.8, 1.0, 20), (3.5, 3.5, 32)])
 def test_a_bar_that_tilts_in_a_bore_touched_its_rim_by_facets(x, y, facets):
     asked = fo.Problem(prism(x, y), bore(facets), motion=TILT, goal="touch", target=(1, 1))
@@ -39,6 +40,7 @@ def test_a_bar_that_tilts_in_a_bore_touched_its_rim_by_facets(x, y, facets):
     assert times.known_to == ()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("tilt", [0.2, 0.6, 0.9, 0.938, 0.94, 1.0])
 def test_the_gap_of_an_edge_across_a_rim_was_not_known(tilt):
     faces, pose = (
@@ -61,6 +63,7 @@ def test_the_gap_of_an_edge_across_a_rim_was_not_known(tilt):
     assert found.gap == pytest.approx(sign * np.linalg.norm(off(angle)), abs=1e-10)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("goal", ["touch", "clear"])
 @pytest.mark.parametrize("start", [0.03, 0.06])
 def test_a_tilted_peg_was_not_brought_to_touch_the_rim_of_its_bore(goal, start):
@@ -75,6 +78,7 @@ def test_a_tilted_peg_was_not_brought_to_touch_the_rim_of_its_bore(goal, start):
     assert found.parameters["TX"] == pytest.approx(0.0 if goal == "clear" and truth > 0.0 else truth, abs=1e-8)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("tilt", [0.6, 0.9, 0.92])
 def test_the_least_shift_of_a_blade_to_the_rim_of_its_bore_was_said_to_be_of_the_mesh(tilt):
     """It was "between .0016 and .0041": pieces of the plane about the bore were never cut, but those of the blade."""

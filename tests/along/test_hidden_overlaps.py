@@ -35,6 +35,7 @@ def ends(times):
     return [own.state for own in times.spans], [own.high for own in times.spans][:-1]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize("facets", [16, 32, 64])
 def test_a_rod_between_a_facet_and_its_arc_was_said_to_pass(facets, share):
@@ -51,6 +52,7 @@ def test_a_rod_between_a_facet_and_its_arc_was_said_to_pass(facets, share):
     assert times.proved
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("share", [0.2, 0.9])
 @pytest.mark.parametrize("facets", [12, 32])
 def test_a_needle_that_turns_past_a_boss_between_facet_and_arc(facets, share):
@@ -70,6 +72,7 @@ def test_a_needle_that_turns_past_a_boss_between_facet_and_arc(facets, share):
     assert [own.x for own in times.touches] == ends(times)[1]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("facets", "share"), [(16, 0.5), (32, 0.3), (32, 0.9)])
 def test_a_ball_past_a_pin_between_their_facets(facets, share):
     ball = fo.Sphere(2, centre=(-12, 0, 2.5), facets=facets, name="ball")
@@ -82,6 +85,7 @@ def test_a_ball_past_a_pin_between_their_facets(facets, share):
     assert [own.x for own in times.touches] == ends(times)[1]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("share", [0.2, 0.8])
 @pytest.mark.parametrize("facets", [16, 32, 64])
 def test_a_peg_past_the_rim_of_a_bore_beyond_its_arc(facets, share):
@@ -105,6 +109,7 @@ def test_a_rod_just_outside_the_arc_passes():
         assert ends(times)[0] == ["apart"]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("share", [0.2, 0.8])
 def test_a_contact_lasted_beyond_a_boss_that_a_tab_meets_between_facet_and_arc(share):
     """A slider lies on a rail along z; its tab, at z = -2.01 to -1.99, meets the end of the boss, z = 0, after 1.99."""
@@ -135,6 +140,7 @@ def test_plain_data_of_a_range_of_facets_were_without_how_far_they_are_off():
     assert fo.CoherentRange.from_dict(found.to_dict(), found.problem).known_to == (line,)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("radius", "bore", "off", "deep"),
     [(4.25, 5.776, 0.561, 0.00425), (4.97, 6.5, 0.85, 0.0009), (3.55, 4.31, -0.63, 0.0017)],

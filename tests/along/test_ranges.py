@@ -72,6 +72,7 @@ def between_stops(made: dict[str, float], goal: str = "touch", motion: fo.Motion
     return fo.Problem(foot, base, motion=motion or fo.Translation("x"), goal=goal, sizes=sizes, made=made)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("goal", ["touch", "clear", "seat"])
 @pytest.mark.parametrize(
     ("made", "low", "high"),
@@ -556,6 +557,7 @@ def test_plain_data_of_ranges_come_back_with_what_was_asked():
         type(stuck).from_dict(stuck.to_dict())
 
 
+@pytest.mark.slow
 def test_pairs_of_parts_that_turn_beside_each_other_were_looked_at_in_every_step(monkeypatch) -> None:
     """A plate on two pins, the first in a hole, the second in a slot .02 wider to either side: 74 s.
 

@@ -93,6 +93,7 @@ def test_where_facets_end_a_contact_was_told_as_where_round_faces_do(round_one: 
     assert "followed as facets" not in str(found)
 
 
+@pytest.mark.slow
 def test_a_chosen_flush_contact_beside_a_bore_had_no_range() -> None:
     """Faces that come from points of round faces have no name, and were looked up by one."""
     ring = fo.cut(fo.Cylinder(17.0, 15.0, name="ring"), fo.Cylinder(12.5, 40.0, base=(0, 0, -10)))

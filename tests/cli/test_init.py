@@ -608,6 +608,7 @@ def test_labels_in_comments_were_cut_in_their_middle() -> None:
     assert short([long, *features], bodies) == f"{long} and 6 more"
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("facets", [16, 30, 48])
 def test_what_touches_as_drawn_is_told_of_round_faces_wherever_their_facets_are(facets: int) -> None:
     """A shaft of its hub's size: "the parts touch" was all that was told where facets are turned against each other."""

@@ -32,6 +32,7 @@ def bush() -> fo.Body:
     return in_single_precision(Manifold.cylinder(20.0, 16.0, 16.0, 48) - bore, "bush")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("role", "faces"),
     [("movable", ["cylinder radius 15"]), ("movable", {"through": (0, 0, 30)}), ("static", ["top"])],
@@ -54,6 +55,7 @@ def test_a_shaft_whose_collar_or_end_changes_lost_all_contacts_in_its_bore(
     assert solution.amount == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("goal", ["seat", "at"])
 def test_the_collar_of_a_shaft_follows_its_bush_with_sizes_of_either(shaft: fo.Body, bush: fo.Body, goal: str) -> None:
     """A bore that gets wider leaves the collar's face on the bush's end."""

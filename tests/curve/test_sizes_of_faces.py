@@ -825,6 +825,7 @@ def spun(body: fo.Body, angle: float) -> fo.Body:
     return body.moved(turned)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("facets", [24, 25])
 @pytest.mark.parametrize("angle", [0.0, math.pi / 24, 0.05])
 def test_a_height_was_measured_to_a_facet_of_a_round_crown(facets: int, angle: float) -> None:

@@ -320,6 +320,7 @@ def test_a_budget_of_sizes_is_in_their_lengths(goal: str, corner: str, rate: flo
     assert found.to_dict()["sizes"] == ["foot", "top"]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("as_assembly", [False, True])
 def test_two_contacts_are_farthest_off_at_a_corner_that_least_and_largest_gaps_at_rest_missed(
     as_assembly: bool,

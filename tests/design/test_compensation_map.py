@@ -427,6 +427,7 @@ def test_a_map_that_ends_where_the_parts_touch_as_drawn_had_no_known_error(pin):
     assert found.at(*places.T).amount == pytest.approx(-places[:, 1], abs=1e-9)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("axes", ["y", "xy"])
 def test_a_centred_pin_went_either_way_from_size_to_size(axes):
     """Half of the play, .02 and half of what the bore is wider, either way: the map was off by .125, its points not."""

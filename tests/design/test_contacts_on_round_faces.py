@@ -52,6 +52,7 @@ def agree(assembly, contact):
     assert fo.verify(pose)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("file", "length", "aside"), [(True, 14.0, 3.0), (False, 60.0, 0.0)])
 @pytest.mark.parametrize(("facets", "turn"), [(32, np.pi / 32), (64, 0.0)])
 def test_a_plane_jaw_shorter_or_longer_than_the_round_bar_that_it_touches(tmp_path, file, length, aside, facets, turn):
@@ -64,6 +65,7 @@ def test_a_plane_jaw_shorter_or_longer_than_the_round_bar_that_it_touches(tmp_pa
     agree(held(bar, jaw, ["cylinder radius 5", "top"], "z"), f"{cylinder}, {top}")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("crossed", [False, True])
 def test_two_round_bars_whose_facets_do_not_meet(crossed):
     """The pins touch along a line, or where they cross: "here are none as drawn", the facets are .03 apart."""
@@ -95,6 +97,7 @@ def _bored(bore):
     return np.array(cut.vertices), np.array(cut.faces)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("turn", [0.0, np.pi / 48, 0.03])
 def test_a_roller_in_its_groove_goes_by_each_flank(turn):
     """Flanks of 45 degrees: the roller rises by its radius over sin 45; a stop above it opens by as much."""
@@ -118,6 +121,7 @@ def test_a_roller_in_its_groove_goes_by_each_flank(turn):
     assert len([name for name in own.contacts if "cylinder of radius 5 of roller" in name]) == 2
 
 
+@pytest.mark.slow
 def test_the_rims_of_round_flanges_were_told_as_contacts_and_failed_the_judge() -> None:
     """A cover that lies on its base, both round and as wide: one contact, plane on plane, whatever the bores are."""
     base = fo.joined(fo.Cylinder(50.0, 10.0, base=(0, 0, -10)), fo.Cylinder(20.0, 8.0, name="spigot"))
@@ -358,6 +362,7 @@ def test_the_end_face_of_a_disc_was_told_as_its_cylinder() -> None:
     assert stack.worst().least == pytest.approx(0.07, abs=1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("movable", ["blade", "collet"])
 @pytest.mark.parametrize("angle", [0.0, 0.3])
 def test_rows_of_an_edge_in_a_bore_were_exact_at_the_worst_cases_alone(movable: str, angle: float) -> None:
@@ -385,6 +390,7 @@ def test_rows_of_an_edge_in_a_bore_were_exact_at_the_worst_cases_alone(movable: 
         assert fo.verify(stack).passed
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", ["edge", "peg"])
 def test_rows_beside_a_rod_were_the_least_of_those_along_slanted_edges(kind: str) -> None:
     """|(3.8 + x, 3.5 + y)| less radii, x and y to .05: 8e-4 too little in the worst cases, "NOT VERIFIED"."""
@@ -413,6 +419,7 @@ def test_rows_beside_a_rod_were_the_least_of_those_along_slanted_edges(kind: str
     assert fo.verify(stack).passed
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("y", "angle", "movable"),
     [(0.06, 0.0, "block"), (0.05, 0.0, "block"), (0.03, 0.3, "block"), (0.0, 0.0, "rod"), (0.03, -0.2, "rod"),

@@ -48,6 +48,7 @@ def asked(cut, **more):
     return fo.Problem(plate, BAR, goal="touch", **{"motion": fo.Translation("x"), "sizes": [WIDTH], "made": {}, **more})
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize("turn", [np.eye(4), TURN], ids=["square", "aslant"])
 def test_a_cut_beside_a_closed_contact_had_a_gap(cut, turn):
@@ -68,6 +69,7 @@ def test_a_cut_beside_a_closed_contact_had_a_gap(cut, turn):
     assert problem.changed(made="loosest").made == {"width": pytest.approx(-0.1)}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cut", CUTS)
 def test_a_pose_kept_clear_of_a_cut(cut):
     """All gaps of .1 to .3 are .2 off by .1, and .04 and more at rest; the cut asked for -.01."""
@@ -83,6 +85,7 @@ def test_a_pose_kept_clear_of_a_cut(cut):
         assert fo.verify(own, proof=True).passed
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cut", CUTS)
 def test_a_cut_had_a_gap_of_parts_that_are_scaled(cut):
     """Scaled about a point of their plane by r and s within 1 %, the hook is 3.2 r - 3 s off the bar."""
@@ -123,6 +126,7 @@ def test_a_groove_beside_a_closed_contact_has_no_gap_and_its_walls_have():
     assert fo.verify(stack).passed
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("tool", ["slot", "bore"])
 def test_a_tool_far_from_any_contact_leaves_the_gap_as_it_is(tool):
     """As it was found: a cut of a slanted slot ends at x = 12.47, beside a rail that begins at 12.5; of a bore so too.
@@ -198,6 +202,7 @@ TOOLS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("tool", TOOLS)
 def test_a_facet_of_which_some_is_a_face_elsewhere_had_a_gap_where_it_is_a_cut(tool) -> None:
     """A lug .08 - w off a bed, w within .02: .06 to .10. What is cut .03 deep into the plate made it .03."""

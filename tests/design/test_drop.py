@@ -183,6 +183,7 @@ def test_a_problem_without_a_motion_is_refused_and_points_to_conflicts():
         drop("bracket.toml")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_goal_that_is_met_at_rest_was_said_to_have_no_motion() -> None:
     """A block with a bore on the floor of a chute, with 0.2 of play: clear of walls and floor by that at TZ = 0.2."""
     block = fo.cut(fo.Box((30, 13, 13), centre=(0, 0, 6.5)), fo.Cylinder(2.5, 40, base=(-20, 0, 6.5), axis="x"))

@@ -103,6 +103,7 @@ def test_walls_further_apart_than_the_bore_have_the_bounds_of_true_faces(saddle:
     assert FacePieces.of(true_faces(made.static)).errors.max() < 2.0 * facet
 
 
+@pytest.mark.slow
 def test_poses_and_clearances_of_a_saddle_are_told(saddle: fo.Problem) -> None:
     found = fo.clearances(saddle)
     assert found.on_true_faces

@@ -540,6 +540,7 @@ def test_a_crate_whose_bottom_alone_varies_was_put_under_its_floor(asked: dict[s
     assert best.lower_bound <= best.worst_gap
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("clearance", [None, (0.0, math.inf)])
 def test_a_block_in_a_corner_was_left_where_it_is_when_it_may_turn(clearance: Any) -> None:
     """By the slopes at a flush contact turns cost nothing: with any of them no step was better than rest."""
@@ -662,6 +663,7 @@ def test_the_best_pose_of_a_pin_too_large_for_its_bore_with_a_keyway_was_beside_
     assert (pose.least.gap, pose.most.gap) == pytest.approx((-0.6, 0.56), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_the_best_pose_of_pins_beside_their_holes_was_that_of_their_facets() -> None:
     """Of pins at -20 and 20 the least gap is .05 - .02 (4 + 4.05 + 2 * 20), however far they are put in."""
     pins = [fo.Cylinder(4, 5, base=(x, 0, -1), facets=24) for x in (-20, 20)]

@@ -52,6 +52,7 @@ def face(body: fo.Body, selector: dict) -> str:
     return f"F{row + 1}"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("scene", [of_two, of_parts])
 @pytest.mark.parametrize("by_number", [False, True])
 def test_a_clip_sits_by_its_hook_and_its_heel_is_clear(scene, by_number) -> None:

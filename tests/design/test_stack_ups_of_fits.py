@@ -204,6 +204,7 @@ def strapped(*, motion: fo.Motion = Z, thicker: float = 0.0, at: float = 0.0, sl
     return fo.Assembly(parts, [("pipe", "pad"), ("strap", "pipe")], sizes, {"pipe": Z, "strap": motion}, unit="mm")
 
 
+@pytest.mark.slow
 def test_of_a_half_bore_the_crown_closes_on_a_thinner_pipe() -> None:
     """.4 - foot + d: all directions of the half bore were to be closed at once, and it was refused."""
     question = strapped()
@@ -218,6 +219,7 @@ def test_of_a_half_bore_the_crown_closes_on_a_thinner_pipe() -> None:
     assert made["diameter"] == 0.0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("given", "why"),
     [
@@ -232,6 +234,7 @@ def test_why_a_half_bore_is_not_closed_is_said(given, why) -> None:
         fo.stack_up(strapped(**given), of=("strap", "pad"))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("shape", ["cylinder", "sphere"])
 def test_a_thinner_ball_or_pipe_sinks_in_its_recess(shape) -> None:
     """1 - d - lid: by the diameter d, which it sinks by half of, and is lower by the other half."""

@@ -51,6 +51,7 @@ def table(*ceilings, feet: str = "pointed", motion: fo.Motion = TILT) -> fo.Asse
     return fo.Assembly(parts, contacts, sizes, {"table": motion}, unit="mm")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("ceilings", "corners"),
     [

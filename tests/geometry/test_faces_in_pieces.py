@@ -62,6 +62,7 @@ def areas_by_name(body: fo.Body) -> dict[str, float]:
     return dict(found)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("split", [False, True])
 @pytest.mark.parametrize("name", PROFILES)
 def test_pieces_of_a_round_face_are_one_and_have_its_area(tmp_path: Path, name: str, split: bool) -> None:
@@ -94,6 +95,7 @@ SIZES: list[Any] = [
 ]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("goal", ["touch", "clear"])
 def test_answers_are_those_of_the_part_in_one_piece(tmp_path: Path, goal: Any) -> None:
     """To touch, a plate moves by the play, (bore - pin) / 2; from .2 aside back to it."""

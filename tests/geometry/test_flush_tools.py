@@ -43,6 +43,7 @@ def volume(body):
     return float((corners[:, 0] * np.cross(corners[:, 1], corners[:, 2])).sum()) / 6.0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("e", [0.0, -1.2e-16, 2.3e-15, -2.3e-15, 1e-12, -1e-12, -1e-11, 1e-9, -1e-9])
 @pytest.mark.parametrize("turn", [np.eye(3), TURN], ids=["square", "slanted"])
 def test_a_tool_hardly_off_a_face_left_a_sheet_without_thickness(turn, e) -> None:

@@ -107,7 +107,7 @@ def test_walls_equal_in_both_files_do_not_overlap_by_their_last_digits(kind, mov
     assert solution.amount == pytest.approx(amount, abs=3e-14 if kind == "off" else 1e-6)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("make", "sides", "kinds"),
     [(stepped, 3, ("stl", "stl")), (stepped, 8, ("text.stl", "text.stl")), (chamfered, 5, ("stl", "off")),

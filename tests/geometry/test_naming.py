@@ -313,6 +313,7 @@ def test_what_goes_on_from_a_wall_that_moves_is_named() -> None:
         stack_up(asked.changed(sizes=[replace(place, tolerance=0.1)]))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("radius", "flat", "count"), [(8.05, 6.05, 48), (10.0, 8.0, 128), (9.9, 7.9, 128)])
 @pytest.mark.parametrize("inside", [False, True], ids=["shaft", "hub"])
 def test_a_flat_that_cuts_through_facets_left_a_round_wall_without_its_cylinder(
@@ -372,6 +373,7 @@ def test_a_bore_that_a_pin_touches_was_told_as_a_chord_across_it() -> None:
     assert told.endswith("bore of radius 6.005 of lugs")  # or where its rim is, as the pin touches all along it
 
 
+@pytest.mark.slow
 def test_balls_whose_rims_cut_walls_anew_kept_no_numbers():
     """Other labels than as drawn: of three balls the others were "no. 1" and "no. 2" when one was larger."""
     centres = (-20.0, -29.0, 8.0), (30.0, -29.0, 8.0), (-34.0, 0.0, 8.0)
@@ -407,6 +409,7 @@ def kinds_of(body: Body) -> Counter[str]:
     return Counter({own.name: sum(len(o.faces) for o in rounds if o.name == own.name) for own in rounds})
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("turned", [False, True], ids=["drawn", "turned"])
 @pytest.mark.parametrize("count", [(8, 12), (13, 25), (16, 40), (20, 60), (24, 48), (9, 96), (33, 17)])
 def test_gores_and_belts_of_a_ball_were_cylinders_over_its_sphere(
@@ -446,6 +449,7 @@ def test_cones_at_both_ends_of_a_pin_are_no_rounding(tmp_path: Path) -> None:
     assert sorted(kinds.values()) == [24, 48]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("count", [13, 25])
 @pytest.mark.parametrize("sections", [24, 64])
 def test_gores_and_belts_of_a_torus_are_no_cylinders_or_cones(tmp_path: Path, count: int, sections: int) -> None:
@@ -461,6 +465,7 @@ def test_a_cylinder_was_two_in_part_over_the_same_facets(tmp_path: Path) -> None
     assert kinds_of(body) == {"cylinder radius 5": 64}
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("count", [(24, 48), (20, 60)])
 def test_a_ball_of_gores_touches_a_plane_where_its_sphere_does(tmp_path: Path, count: tuple[int, int]) -> None:
     """An internal error, or "proved" for gores: each part grows by .02 about its middle, the plane by .02 * 2."""

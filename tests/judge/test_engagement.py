@@ -416,6 +416,7 @@ def test_a_web_between_bores_was_told_by_facets_and_a_bore_at_a_cut_had_no_name(
     assert fits_up_to(problem) == pytest.approx(fits, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_journal_in_a_chamfered_hub_was_told_by_the_slant_of_its_chamfer(tmp_path: Path) -> None:
     """Edges of the shaft's parts, at the foot of a cone of 45 degrees, were a wall: "16.95 in 16.78" of 24 in 23.96."""
 
@@ -803,6 +804,7 @@ def test_planes_between_parts_tell_of_no_passage_what_lines_do(
     assert 0 < sum(found[0]) < len(asked)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("made", "clearance", "words"),
     [
@@ -954,6 +956,7 @@ def test_what_overlaps_at_one_face_was_told_once_a_part() -> None:
 # ----------------------------------------------------------------------- where a motion that stays in the fit is larger
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "motion",
     [

@@ -242,6 +242,7 @@ def test_commands_say_that_they_judged(tmp_path):
     assert json.loads(result.stdout)["files"][0]["cases"][0]["best_pose"]["certificate"]["passed"], result.output
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("more", [{}, {"facets": 24}])
 def test_the_edge_of_a_flat_left_its_cylinder_with_the_square_of_the_sizes(more):
     """A D-shaft in a D-bore, flats .05 apart as drawn: .01 to .09 between these, .05 to .075 between the cylinders.
@@ -272,6 +273,7 @@ def test_the_edge_of_a_flat_left_its_cylinder_with_the_square_of_the_sizes(more)
     assert ends[:, 0] == pytest.approx(3.02, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_corners_at_fillets_that_sizes_shift_were_where_they_were_as_drawn() -> None:
     """A slab with rounded corners on the floor of a pocket .1 larger all around, .1 wider or narrower than drawn.
 

@@ -126,6 +126,7 @@ def test_a_countersunk_screw_may_rise_in_its_countersink(decomposition: str) -> 
         assert (head.scale([1.06] * 3).translate([0.95 * x for x in at]) ^ plate).volume() > 1e-4
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("decomposition", ["surface", "exact"])
 def test_a_split_joint_kept_as_surfaces_was_drawn_through_itself(decomposition: str) -> None:
     """Round knobs in round sockets, as jigsaw pieces have: larger than these they go nowhere in the plane."""

@@ -34,6 +34,7 @@ def bosses(apart: float, **more) -> fo.Problem:
     return fo.Problem(high, low, **{"target": (1.0, 1.0), "motion": fo.Translation("z"), "goal": "seat", **more})
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("goal", ["seat", "at"])
 def test_true_faces_that_overlap_passed_where_an_answer_was_of_the_mesh(goal: str) -> None:
     """What tracks one contact of plane faces is solved for facets: of the bosses beside it these fall short."""

@@ -227,6 +227,7 @@ def test_poses_change_scene_curve_and_numbers(wide, payload, pose):
     shows(wide, case, case["poses"][pose])
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("family", ["tolerance", "motion"])
 def test_sliders_change_scene_curve_and_numbers(wide, payload, family):
     case = payload["cases"][0]
@@ -610,6 +611,7 @@ def test_a_shop_gets_a_sheet_a_case_with_room_to_sign(wide, payload):
             assert not wide.page.is_visible(hidden)
 
 
+@pytest.mark.slow
 def test_a_sheet_of_many_sizes_spilled_its_title_block_on_a_second_and_had_letters_of_four_points(browser, tmp_path):
     """A drawer in a housing, six sizes with the stack-up of all: where it is closed, and where nothing fits."""
     from fcdm_opt.show.report.gather import gather
@@ -681,6 +683,7 @@ def test_of_three_contacts_two_were_cut_open_and_more_stand_clear_of_words_on_pa
     opened.context.close()
 
 
+@pytest.mark.slow
 def test_what_is_drawn_how_lay_on_the_answer_of_four_contacts_on_paper(browser, tmp_path):
     """A cover on a block on a base, and a stop that follows the block: four cuts, and captions within the sheet."""
     parts = {

@@ -201,6 +201,7 @@ def test_gaps_over_the_whole_tolerance(off: float) -> None:
     assert f"two: unmoved, over the whole tolerance: from {abs(off):.4g} mm" in told
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("radius", "kind"), [(9.9, "transition"), (9.6, "clearance"), (10.4, "interference")])
 def test_a_fit_was_called_after_an_overlap_at_the_shoulder(radius: float, kind: str) -> None:
     """A hub of bore 20 on a shaft's shoulder, 1 % each: diameters differ by 20 (1 -+ .01) - 2 r (1 +- .01)."""

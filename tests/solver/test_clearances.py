@@ -90,6 +90,7 @@ def asked(one: fo.Body, two: fo.Body, clearance: float, axis: Any, **arguments: 
     return fo.Problem(one, two, **given | arguments)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("count", "clearance"), [(8, 1e-6), (8, 0.05), (8, 1.0), (60, 1e-6), (60, 1.0), (400, 0.05)]
 )
@@ -108,6 +109,7 @@ def test_hulls_are_too_near_up_to_the_least_shift_and_as_far_as_asked_there(coun
     assert found[-1] == pytest.approx(clearance, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_common_motion_and_swapped_bodies_change_no_clearance():
     rng = np.random.default_rng(7)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]

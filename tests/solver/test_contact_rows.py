@@ -71,6 +71,7 @@ def test_the_feature_of_faces_in_parallel_was_a_corner_far_aside_and_parts_apart
         assert all(" +3 " in line for line in lines)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["ball", "bar", "mesh"])
 @pytest.mark.parametrize("assembled", [False, True])
 def test_rows_of_round_parts_that_are_apart_were_those_of_their_facets(kind: str, assembled: bool) -> None:

@@ -69,6 +69,7 @@ def test_the_edge_of_a_flat_is_as_near_its_bore_as_it_is_to_the_circle(off: floa
     assert gap_of_true_faces(faces, (1.0, 1.0), pose([off]), 0.1) == pytest.approx(truth, abs=1e-12)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("kind", "at", "angle", "moves"),
     [
@@ -112,6 +113,7 @@ def test_a_flatted_shaft_touches_its_bore(kind: str, at: tuple[float, float], an
     assert not solution.doubt
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("clearance", "off"), [(0.0, -0.012), (0.008, -0.005), (0.004, -0.02)])
 @pytest.mark.parametrize("flats", [1, 2])
 def test_a_hub_is_cleared_of_the_edge_of_a_flat(clearance: float, off: float, flats: int) -> None:
@@ -125,6 +127,7 @@ def test_a_hub_is_cleared_of_the_edge_of_a_flat(clearance: float, off: float, fl
     assert solution.amount_low == pytest.approx(truth, rel=1e-3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("limits", [(-1.2, 0.0), (0.0, 1.2)])
 @pytest.mark.parametrize("first", ["pin", "plate"])
 def test_what_limits_leave_is_seen_from_either_part(limits: tuple[float, float], first: str) -> None:

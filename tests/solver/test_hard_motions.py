@@ -555,6 +555,7 @@ def test_limits_that_miss_by_next_to_nothing(off, certify):
     assert consistent(solve(three)).status is (Status.SOLVED if off > 0 else Status.INFEASIBLE)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("certify", [False, True])
 @pytest.mark.parametrize("motion", [Y, X >> Y, Y >> Z, Y >> RZ], ids=["y", "x, y", "y, z", "y, turn"])
 @pytest.mark.parametrize("off", [-LITTLE, LITTLE])

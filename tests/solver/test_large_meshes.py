@@ -158,7 +158,7 @@ ELL = surface_of(VOXELS["L"][0])
 NOTCH = list(product((1, 2), (1, 2), (0, 1)))  # what an L has not of a block of 2 x 2 x 1
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("shapes", "direction", "low", "high"),
     [

@@ -592,6 +592,7 @@ def test_a_collar_whose_shank_is_far_too_thick_was_left_open_by_the_mesh() -> No
         assert "mesh" not in words + solution.advice + " ".join(remarks(solution))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("goal", ["at", "seat"])
 def test_a_keep_out_that_is_clear_left_what_true_parts_need_unknown(goal: str) -> None:
     """A block with a bore, made 0.02 too small beside a wall, moves 0.02; stops are clear of it, or not known to be."""

@@ -358,6 +358,7 @@ def test_work_is_named_with_what_it_is_for() -> None:
     assert not pacing.has_listeners()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("looks", [100, 160, 250])
 def test_a_motion_that_was_found_in_time_was_thrown_away(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A pin beside its bore: where the search for points of true faces was cut off no motion was found at all."""

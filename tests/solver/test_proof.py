@@ -334,6 +334,7 @@ def _block(centre: float) -> fo.Box:
     return fo.Box((10, 10, 10), centre=(centre, 0, 0))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("goal", "start", "motion", "limits"),
     [

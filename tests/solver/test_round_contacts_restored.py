@@ -50,6 +50,7 @@ made = { "rod diameter" = 0.05 }
 """
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("facets", "off"), [*product((24, 64), (-0.05, 0.05))])
 def test_a_jaw_follows_half_the_diameter_of_the_rod_that_it_touches(facets: int, off: float) -> None:
     jaw = fo.Box((10, 12, 14), centre=(-10, 0, 0))
@@ -145,6 +146,7 @@ def test_a_roller_of_single_precision_had_no_derivative_by_its_diameter(tmp_path
     assert found.sensitivity.motion_by_size["diameter"] == pytest.approx([0.5 / sin(half), 0.0], abs=1e-6)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("half", "off"), [(np.pi / 4, -0.05), (np.pi * 3 / 16, 0.05), (np.pi * 3 / 8, -0.05)])
 def test_a_roller_stays_on_both_flanks_where_one_is_nearer(half: float, off: float) -> None:
     """A thin one touches sooner by going to one flank: what both need was known of facets alone."""
@@ -166,6 +168,7 @@ def test_a_roller_stays_on_both_flanks_where_one_is_nearer(half: float, off: flo
     assert not free.usable
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("off", [-0.05, 0.05])
 def test_a_ball_stays_on_all_three_faces_of_its_corner(off: float) -> None:
     corner = fo.cut(fo.Box((24, 24, 24), centre=(10, 10, 10)), fo.Box((24, 24, 24), centre=(12, 12, 12)))
@@ -241,6 +244,7 @@ def test_a_pin_that_stands_on_the_floor_in_a_corner(facets: int, off: float) -> 
     assert fo.solve(fo.Problem(pin, fixture, **asked, motion=x)).status.name == "INFEASIBLE"
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("off", [-0.05, 0.05])
 def test_contacts_of_a_round_part_that_share_its_motion(off: float) -> None:
     """A roller between a floor and a wall, and a plate on it that moves with it: what true parts need was not known."""

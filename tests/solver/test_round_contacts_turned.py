@@ -265,6 +265,7 @@ def test_contacts_of_other_round_faces_are_counted_where_a_motion_turns() -> Non
 PLANAR = fo.Translation("x") >> fo.Translation("y")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("motion", "seed"),
     [
@@ -345,6 +346,7 @@ def test_a_goal_that_does_not_follow_a_contact_between_facets_says_so() -> None:
     assert "snap" not in str(refused.value)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("spin", [pi / 24, 0.05])
 @pytest.mark.parametrize("size", ["foot", "crown"])
 def test_a_pane_on_two_unequal_rockers_lies_on_their_common_tangent(spin: float, size: str) -> None:

@@ -153,6 +153,7 @@ def test_a_countersunk_screw_rises_by_how_much_deeper_its_cone_is() -> None:
     assert not goes_through(larger.problem, tuple(larger.parameters.values()))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("angle", "ends"), [(30.0, (0, 10)), (15.0, (-30, 60)), (60.0, (0, 10)), (60.0, (1, 30))])
 @pytest.mark.parametrize("goal", ["clear", "touch"])
 def test_a_sharp_edge_went_deeper_into_a_trough_than_facets_leave_it_and_was_not_seen(
@@ -298,7 +299,7 @@ def test_facets_of_round_faces_told_where_drawn_parts_lie_and_face() -> None:
     assert not shaft.sides
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("case", ["pin", "pin in the middle", "ball", "roller", "taper", "key", "feather"])
 def test_what_shifts_of_several_parameters_need_was_shown_of_facets_alone(case: str) -> None:
     """By true faces it is shown to the accuracy asked for, and never more than closed forms; it was 2 % less.
@@ -370,6 +371,7 @@ def test_a_lever_turns_about_its_own_pivot_however_little_play_it_has(play: floa
     assert solution.amount_high == pytest.approx(solution.amount, rel=1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("axes", "limits", "shift"),
     [
@@ -751,6 +753,7 @@ def test_what_is_clear_of_an_assembly_is_so_by_its_true_faces_not_by_facets(clea
     assert fo.verify(found).passed
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("bores", "high"), [("A", 0.4), ("B", 0.4), ("AB", 0.4), ("AB", 0.3 - 1e-6)])
 def test_a_stack_that_is_too_tall_is_impossible_where_a_part_has_a_bore_too(bores: str, high: float) -> None:
     """Blocks of 5 on each other below a ceiling .3 off: "motions were found, but the judge refused them"."""
@@ -1036,6 +1039,7 @@ def chamfered_hub(p: float, chamfer: float, facets: int) -> fo.Body:
     return fo.cut(fo.Cylinder(15, 10, facets=facets), *tools, name="hub")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("facets", [16, 24, 60])
 def test_what_is_exact_at_a_point_of_a_chamfer_is_within_the_solid(facets: int) -> None:
     """Chords of the bore's rim are further off than the rim: a piece at the other one reached beyond it."""
@@ -1079,6 +1083,7 @@ def test_axes_of_round_parts_are_words_as_those_of_motions() -> None:
         fo.Cone(2.0, 1.0, 5.0, axis="w")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("motion", [fo.Rotation("z"), fo.Rotation("z", centre="origin")])
 def test_a_pin_that_turns_about_its_own_axis_was_said_to_touch_its_bore(motion: fo.Motion) -> None:
     """Its play is the same whatever it is turned by, about its axis or that of the bore: only facets meet."""
@@ -1090,6 +1095,7 @@ def test_a_pin_that_turns_about_its_own_axis_was_said_to_touch_its_bore(motion: 
     assert "the only motion found brings facets together, and no true round faces" in str(found)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("made", "goal", "along_y"),
     [({"flat": -0.08}, "clear", -0.03), ({"flat": -0.03}, "touch", 0.02), ({"bore": 0.01}, "touch", 0.05)],
@@ -1115,6 +1121,7 @@ def d_shaped(radius: float, flat: float, height: float) -> fo.Body:
     return fo.cut(round_, fo.Box((10, 20, 60), centre=(flat + 5, 0, 10)), name="D shaft")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("motion", [X >> Y, Y])
 @pytest.mark.parametrize("bore", [0.0, 0.004])
 def test_a_d_shaped_shaft_touched_the_circle_that_its_flat_cuts_away(motion: fo.Motion, bore: float) -> None:
