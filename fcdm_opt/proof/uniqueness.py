@@ -127,7 +127,7 @@ def none_smaller(problems: Problems, least: float) -> bool:
 @np.errstate(all="ignore")
 def none_shorter(problems: Problems, least: float) -> bool:
     """Tell whether it is proved that no shift of a smaller weighted amount does what some problems ask."""
-    # they have the same parameters, weights and limits. Clearances count as that parts do not overlap
+    # they have the same parameters, weights and limits
     if not (all(problem.motion.shifts for problem in problems) and 0.0 < least < np.inf):
         return False
     weights, unit = problems[0].weights, np.eye(len(problems[0].weights))
@@ -190,15 +190,20 @@ def _shortest(rows: Array) -> tuple[float, Array]:
 
 
 def gaps_of_parts(problem: Problem) -> Iterator[tuple[tuple[int, int] | None, Array, Array]]:
-    """Yield of parts that must not overlap, of few edges, their numbers, normals, (n, 3), and gaps at rest."""
+    """Yield of parts that must not overlap, of few edges, their numbers, normals, (n, 3), and gaps at rest.
+
+    Where a clearance is asked for, gaps are less by as much: parts are that far apart only where one of them is none.
+    """
     # None where one is of a keep-out
     seed, (own, other) = problem.movable.seed, problem.target
     apart = {"touch", "clear"} & {problem.goal, problem.pair}
-    obstacles = [(j, part, problem.static.seed, other) for j, part in enumerate(problem.static.parts) if apart]
-    obstacles += [(-1, part, part.seed, scale) for kept in problem.keep_out for part, scale in kept.obstacles]
+    need, seed_2 = problem.clearance if "clear" in apart else 0.0, problem.static.seed
+    obstacles = [(j, part, seed_2, other, need) for j, part in enumerate(problem.static.parts) if apart]
+    for kept in problem.keep_out:
+        obstacles += [(-1, part, part.seed, scale, kept.clearance) for part, scale in kept.obstacles]
     for i, one in enumerate(problem.movable.parts):
         X = seed + own * (one.vertices - seed)
-        for j, two, datum, scale in obstacles:
+        for j, two, datum, scale, need in obstacles:
             Y = datum + scale * (two.vertices - datum)
             sides = [np.diff(part.vertices[part.edges[:, :2]], axis=1)[:, 0] for part in (one, two)]
             if len(sides[0]) * len(sides[1]) > MOST_CROSSED:
@@ -208,7 +213,23 @@ def gaps_of_parts(problem: Problem) -> Iterator[tuple[tuple[int, int] | None, Ar
             across = across[lengths > DEFAULT.planarity * lengths.max()]
             across /= np.linalg.norm(across, axis=1)[:, None]
             normals = np.vstack([one.normals, -two.normals, across, -across])
-            yield (i, j) if j >= 0 else None, normals, (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
+            gaps = (Y @ normals.T).min(axis=0) - (X @ normals.T).max(axis=0)
+            if need > 0.0:
+                normals, gaps = _faces_within((Y[:, None] - X).reshape(-1, 3), need)
+            yield (i, j) if j >= 0 else None, normals, gaps
+
+
+def _faces_within(shifts: Array, need: float) -> tuple[Array, Array]:
+    """Return a polyhedron within all shifts nearer than a length to a hull: normals, (n, 3), inward, and gaps at 0."""
+    # the hull of its faces moved outward by the length: these are exact, and what is round between them is chamfered
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(shifts)
+    moved = shifts[hull.simplices] + need * hull.equations[:, None, :3]
+    points = moved.reshape(-1, 3)
+    normals = ConvexHull(points).equations[:, :3]
+    normals = normals[np.unique(normals.round(12), axis=0, return_index=True)[1]]
+    return -normals, -(points @ normals.T).max(axis=0)
 
 
 @np.errstate(all="ignore")

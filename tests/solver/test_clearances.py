@@ -240,3 +240,16 @@ def test_a_fit_that_a_keep_out_holds_open_was_refused_by_the_judge():
     amount = dict.fromkeys(("amount", "amount_low", "amount_high"), solution.amount + 0.05)
     worse = replace(solution, transform=T, parameters={"TZ": 0.15}, pair_gap=0.15, **amount)
     assert "largest gap least" in {check.name for check in fo.verify(worse).failed}
+
+
+@pytest.mark.parametrize("weights", [{}, {"TX": 2.0, "TZ": 0.5}])
+def test_a_clearance_in_a_corner_by_three_shifts_had_no_proof(weights: dict[str, float]) -> None:
+    """A cube grown by s, c clear of three walls: s + c along each, whatever the weights; a larger claim fails."""
+    cube = fo.Box((2, 2, 2), centre=(1, 1, 1))
+    walls = [fo.Box((5, 5, 1), centre=(2, 2, -0.5)), fo.Box((1, 5, 4), centre=(-0.5, 2, 1))]
+    walls += [fo.Box((5, 1, 4), centre=(2, -0.5, 1))]
+    asked = {"goal": "clear", "clearance": 0.1, "motion": X >> Y >> Z, "weights": weights}
+    found = fo.solve(fo.Problem(cube, fo.joined(*walls), target=(1.02, 1.0), **asked))
+    assert list(found.parameters.values()) == pytest.approx([0.12, 0.12, 0.12], abs=1e-9)
+    assert fo.verify(found, proof=True).passed
+    assert not fo.verify(replace(found, lower_bound=1.0001 * found.amount), proof=True).passed
