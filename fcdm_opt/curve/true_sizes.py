@@ -298,7 +298,8 @@ class TrueSizes:
     how each size moves the movable body besides.
 
     `permanent` are the patches, by number in `true_faces`, that meet whatever the sizes are, as a flange on its plate:
-    not counted. With `of_rest` only those that do so at rest are, whatever pose is looked at; else those of any pose.
+    not counted. With `of_rest` only those that do so at rest are, whatever pose is looked at; else those of any pose;
+    none that a motion opens, by the `rates` of poses with its parameters at rest, (k, 4, 4).
     `asked` are the sizes last asked of `refined` with the gaps claimed, `deepest` of each the gap of the true faces and
     its direction, where it is less; `between`, how much that may be between two directions of `all_around`.
     """
@@ -309,7 +310,7 @@ class TrueSizes:
         self.carried = np.zeros((len(sizes), 3)) if carried is None else carried
         self.points = [np.empty((0, 3)), np.empty((0, 3))]
         self.faces = [SizedFaces.of(body, role, self.sizes) for body, role in zip(self.facets, ROLES, strict=True)]
-        self.permanent, self.of_rest = set[tuple[int, int]](), False
+        self.permanent, self.of_rest, self.rates = set[tuple[int, int]](), False, np.zeros((0, 4, 4))
         self.between = 0.0
         self.deepest = list[tuple[float, Array] | None]()
         self.asked = list[tuple[Array, float]]()
@@ -606,7 +607,10 @@ class TrueSizes:
         return facing or frozenset((i, j) for i, j in own.pairs if i in along[0] or j in along[1])  # none along a bore
 
     def _stands(self, made: Sequence[TrueFaces], own: TrueContact, pose: Array, place: Array) -> bool:
-        """Tell whether a contact is closed at all sizes within their tolerances."""
+        """Tell whether a contact is closed at all sizes within their tolerances, and stays so in a motion."""
+        opening = own.normal @ (self.rates[:, :3] @ np.append(own.points[0], 1.0)).T
+        if np.abs(opening).max(initial=0.0) > DEFAULT.nominal:
+            return False
         rates = -self.carried @ own.normal
         for role, side in ((0, -1.0), (1, 1.0)):
             normal = own.normal @ (pose[:3, :3] if role == 0 else np.eye(3))

@@ -781,3 +781,20 @@ def test_an_amount_of_zero_needs_no_bound() -> None:
     asked = fo.Problem(one, other, target=(1, 1), goal="clear", motion=fo.Translation("x"), sizes=sizes)
     found = fo.best_pose(asked, clearance=(0.5, 2.0))
     assert "amount 0 (none can be better)" in str(replace(found, certified=False, lower_bound=0.0))
+
+
+def test_a_collar_that_the_motion_lifts_off_its_shoulder_was_not_counted_on_true_faces() -> None:
+    """With .02 of play, .01 of it for the sizes, .005 are left at the shoulder where the plug rises by that."""
+    bores = fo.Cylinder(8, 12, base=(0, 0, -12)), fo.Cylinder(12, 4, base=(0, 0, -4))
+    block = fo.cut(fo.Box((40, 40, 20), centre=(0, 0, -10)), *bores, name="block")
+    shank, head = fo.Cylinder(7.98, 11.5, base=(0, 0, -11.5)), fo.Cylinder(11.9, 7, base=(0, 0, -4))
+    plug = fo.joined(shank, head, name="plug")
+    sizes = [fo.Size("shank", "movable", faces="cylinder radius 7.98", each=0.5, tolerance=0.01)]
+    sizes += [fo.Size("bore", "static", faces="bore radius 8", each=-0.5, tolerance=0.01)]
+    asked = fo.Problem(plug, block, sizes=sizes, goal="clear", motion=fo.Translation("x") >> fo.Translation("z"))
+    resting, risen = fo.best_pose(asked), fo.best_pose(asked.changed(clearance=0.005))
+    assert resting.passed
+    assert (resting.least.gap, resting.most.gap) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert risen.passed
+    assert risen.parameters["TZ"] == pytest.approx(0.005, abs=1e-7)
+    assert risen.least.gap == pytest.approx(0.005, abs=1e-7)

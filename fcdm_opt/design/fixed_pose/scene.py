@@ -412,7 +412,9 @@ def true_sizes(problem: Problem, sizes: Sizes | None) -> TrueSizes | None:
     else:
         found = true_scales(problem.of_facets.movable, problem.of_facets.static, sizes)
     if found is not None:
-        found.of_rest = True
+        free = problem.limits[:, 0] < problem.limits[:, 1]
+        rates = problem.motion.kinematics(problem.movable.seed, problem.static.seed).rates(np.zeros(len(free)))[1]
+        found.of_rest, found.rates = True, (rates / problem.weights[:, None, None])[free]
         found.nearest(np.eye(4), np.mean([size.tolerance for size in found.sizes], axis=1), DEFAULT.snap * found.size)
     return found
 
