@@ -40,7 +40,9 @@ STEPS = 60  # of Newton's method
 NEARING = 6  # of those to the nearest point of an edge
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
+NEAR_BY = 0.05  # of the size: so far nearest points may move from one pose to another, where they are followed
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
+ROUNDED = 1e-15  # of a length over that of the piece looked at: by how much a gap is off by rounding
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
 BOWED = 1.5  # times what the middle of a chord leaves its edge, any point of it does at most
@@ -464,6 +466,27 @@ def nearest_on_faces(
     return sorted([*found, *_crossing_edges(*placed, band)], key=lambda own: own.gap)
 
 
+def followed(
+    faces: Sequence[TrueFaces], scales: Sequence[float] | Array, transform: Array, known: NearestPoints
+) -> NearestPoints | None:
+    """Return where faces that are nearest at known points are so at another pose near by; arguments as above.
+
+    None of corners, and of edges that cross.
+    """
+    both = _Placed(faces[0], scales[0], transform), _Placed(faces[1], scales[1], np.eye(4))
+    met = [own.at(point) for own, point in zip(faces, known.points, strict=True)]
+    k = int(len(met[1]) > len(met[0]))
+    if not 0 < len(met[k]) < 3 or len(met[1 - k]) != 1:
+        return None
+    own, other, (against,) = both[k], both[1 - k], met[1 - k]
+    on, patch = [Patch.stacked([own.patches[j]]) for j in met[k]], other.patches[against]
+    extent = NEAR_BY * own.scale * own.faces.body.size
+    x = lowest(own.there(known.points[k][None]), on, Patch.stacked([patch]), np.array([extent]))
+    gap, normal = patch.gaps(x)
+    points = np.stack([own.drawn(x[0]), other.drawn(x[0] - gap[0] * normal[0])][:: 1 - 2 * k])
+    return known._replace(gap=float(gap[0]), points=points, normal=(2 * k - 1) * normal[0])
+
+
 def line_of_contact(
     faces: Sequence[TrueFaces], scales: Sequence[float] | Array, transform: Array, point: Array
 ) -> Array | None:
@@ -733,18 +756,19 @@ def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Ar
         bends = against.at_rows(moving).bends(here)
         bends -= sum(pull[:, k, :, None] * each.at_rows(moving).bends(here) for k, each in enumerate(on))
         values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
-        share, extent = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0], extents[moving]
-        share /= np.maximum(np.abs(values), LEAST_BEND / extent[:, None])
+        along, extent = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0], extents[moving]
+        share = along / np.maximum(np.abs(values), LEAST_BEND / extent[:, None])
         share *= np.minimum(1.0, 0.5 * extent / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
         move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
+        last = (along * share).sum(axis=1) <= ROUNDED * extent  # a step after which the gap is the same but for rounding
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
             rows = moving[trying]
             trial = onto(here[trying] + 0.5**halved * move[trying], [each.at_rows(rows).surface for each in on])
             its_gap, its_normal = against.at_rows(rows).gaps(trial)
-            less = its_gap < gap[rows]
+            less = (its_gap < gap[rows]) | last[trying]
             points[rows[less]], gap[rows[less]], normal[rows[less]] = trial[less], its_gap[less], its_normal[less]
-            lower[trying[less]] = True
+            lower[trying[less]] = ~last[trying[less]]
             trying = trying[~less]
             if not len(trying):
                 break

@@ -21,7 +21,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.facet_errors import all_recognised, bounding_bodies, deviation_of, gaps_off, round_surfaces
 from fcdm_opt.geometry.measures import norms
-from fcdm_opt.geometry.patches import NearestPoints, nearest_on_faces, true_faces
+from fcdm_opt.geometry.patches import NearestPoints, followed, nearest_on_faces, true_faces
 from fcdm_opt.model.task import Answer, Task
 from fcdm_opt.problem.contacts_restored import touching_again
 from fcdm_opt.problem.problem import Problem
@@ -90,16 +90,33 @@ class Exchange:
         """Return all of them, the worst first; those of the last motion are kept."""
         if self._last and (self._last[0] == transform).all() and self._last[1] == slack:
             return self._last[2]
-        facets = self.facets
-        movable, scale = facets.movable, float(facets.target[0])
-        others = [(facets.static, float(facets.target[1]), self.need)]
-        others += [(own.body, own.ends[0], own.clearance) for own in facets.keep_out]
+        movable, scale = self.facets.movable, float(self.facets.target[0])
         found = list[NearestPoints]()
-        for k, (body, its_scale, need) in enumerate(others):
+        for k, (body, its_scale, need) in enumerate(self._others):
             for own in where_nearest(movable, body, (scale, its_scale), transform, max(need + slack, 0.0)):
                 found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1], other=k))
         self._last = transform, slack, sorted(found, key=lambda own: own.gap)
         return self._last[2]
+
+    @property
+    def _others(self) -> list[tuple[Body, float, float]]:
+        """What body 1 is to touch or keep clear of: bodies, their scales, and the gaps asked for."""
+        kept = [(own.body, own.ends[0], own.clearance) for own in self.facets.keep_out]
+        return [(self.facets.static, float(self.facets.target[1]), self.need), *kept]
+
+    def _followed(self, known: Sequence[NearestPoints], transform: Array) -> list[NearestPoints]:
+        """Return where faces that are nearest at known points are so after a motion next to the one of these."""
+        found, movable = list[NearestPoints](), self.facets.movable
+        for own in known:
+            body, scale, need = self._others[own.other]
+            scales, faces = (float(self.facets.target[0]), scale), [true_faces(movable), true_faces(body)]
+            there = followed(faces, scales, transform, own) if len(own.points) > 1 else None
+            if there is None:  # it is looked for among all
+                near = self._sorted(transform, self._slack)
+                found.append(min(near, key=lambda x: float(norms(x.points[0] - own.points[0])), default=own))
+            else:
+                found.append(there._replace(gap=there.gap - need))
+        return found
 
     def add(self, found: Sequence[NearestPoints]) -> None:
         """Make the parts exact at these points."""
@@ -196,9 +213,10 @@ class Exchange:
         def met(y: Array, known: Sequence[NearestPoints] = ()) -> tuple[list[NearestPoints], Array, Array]:
             """Return contacts, those next to known ones, with their gaps and the slopes of these, by `size`."""
             pose, rates = kinematics.rates(unit * y)
-            near = self._sorted(pose, self._slack) if known else self.nearest(pose, self._slack)
-            found = [min(near, key=lambda own: float(norms(own.points[0] - x.points[0])), default=x) for x in known]
-            found = found or [own for own in near[: 1 if sign < 0.0 else None] if own.gap <= self._slack]
+            found = self._followed(known, pose)
+            if not known:
+                near = self.nearest(pose, self._slack)[: 1 if sign < 0.0 else None]
+                found = [own for own in near if own.gap <= self._slack]
             slopes = [self._slopes(own, rates) * unit for own in found]
             return found, np.array([own.gap for own in found]) / size, np.array(slopes).reshape(-1, len(y)) / size
 
