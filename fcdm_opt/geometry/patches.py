@@ -760,7 +760,7 @@ def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Ar
         share = along / np.maximum(np.abs(values), LEAST_BEND / extent[:, None])
         share *= np.minimum(1.0, 0.5 * extent / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
         move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
-        last = (along * share).sum(axis=1) <= ROUNDED * extent  # a step after which the gap is the same but for rounding
+        last = (along * share).sum(axis=1) <= ROUNDED * extent  # steps after which gaps are the same but for rounding
         lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
         for halved in range(FEWER):
             rows = moving[trying]
