@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain, islice, product
 from typing import Any, NamedTuple
 
@@ -253,7 +254,12 @@ def contacts_as_drawn(movable: Body, static: Body, scales: Array, slack: float) 
     """Return where two bodies touch as drawn on their true faces, a round one among them, at their scales, (2,)."""
     # to within `slack`; each contact once: of a line of contact the middle. None of bodies without round faces, and not
     # where plane faces lie on each other, whose rims may be round
-    found = list[TrueContact]()
+    return [*_as_drawn(movable, static, *map(float, scales), slack)]
+
+
+@lru_cache(maxsize=16)  # each question about two bodies asks for them
+def _as_drawn(movable: Body, static: Body, scale: float, its_scale: float, slack: float) -> list[TrueContact]:
+    found, scales = list[TrueContact](), (scale, its_scale)
     if not any(map(round_surfaces, (movable, static))):
         return found
     faces = true_faces(movable), true_faces(static)

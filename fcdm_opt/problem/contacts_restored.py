@@ -500,10 +500,13 @@ def _is_plane(problem: Problem, met: NearestPoints) -> bool:
 
 def _met_as_drawn(problem: Problem) -> list[Pairs]:
     """Return which true faces touch as drawn, a round one among each two; none where sizes change which there are."""
-    asked = problem.of_facets
+    # each once, as those of a shaft that touches its bore all round
+    asked, found = problem.of_facets, list[Pairs]()
     both = zip(asked.drawn.values(), asked.bodies_made.values(), strict=True)
-    alike = all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in both)
-    return [{*own.pairs} for own in asked.round_contacts] if alike else []
+    if all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in both):
+        for own in asked.round_contacts:
+            found += [{*own.pairs}] * (own.pairs not in found)
+    return found
 
 
 def _met(problem: Problem, pose: Array, share: float = DEFAULT.snap) -> Iterator[tuple[Pairs, NearestPoints]]:
@@ -511,5 +514,7 @@ def _met(problem: Problem, pose: Array, share: float = DEFAULT.snap) -> Iterator
     bodies, scales = problem.bodies_made.values(), problem.target
     faces = [true_faces(body) for body in bodies]
     off = sum(scale * sum(deviation_of(own)) for scale, own in zip(scales.tolist(), bodies, strict=True))
-    for own in nearest_on_faces(faces, scales, pose, problem.contact_slack + off + share * problem.size):
-        yield {*product(faces[0].at(own.points[0]), faces[1].at(own.points[1]))}, own
+    found = nearest_on_faces(faces, scales, pose, problem.contact_slack + off + share * problem.size)
+    points = np.array([own.points for own in found]).reshape(-1, 2, 3)
+    for own, *patches in zip(found, *(faces[k].at_each(points[:, k]) for k in (0, 1)), strict=True):
+        yield {*product(*patches)}, own
