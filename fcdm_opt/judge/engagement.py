@@ -29,7 +29,7 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import PlacedSolids, depth_as_drawn
+from fcdm_opt.geometry.solids import PlacedSolids, depth_as_drawn, kept_as_surface
 from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
 from fcdm_opt.problem.fit import (
     REST,
@@ -133,9 +133,9 @@ def _digs_into(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOu
     problem = problem.of_facets
     q = np.array(parameters)
     turned = float(np.abs(q[problem.motion.turning]).sum())
-    if not turned > TURN:
-        return False
     _, (_, other, _, its) = _sizes(problem, keep_out)
+    if not turned > TURN or kept_as_surface(problem.movable, other):  # of large meshes it would take long
+        return False
     scales = np.array([problem.target[0], its])
 
     def depth(share: float) -> float:
