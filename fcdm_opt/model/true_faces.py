@@ -60,12 +60,12 @@ class Exchange:
     @classmethod
     def of(cls, problem: Problem) -> Exchange | None:
         """Return it; None where round faces play no part, or what they are is not known."""
-        # a goal must be about the bodies, not about one contact; keep-outs must have plane faces, and one scale
+        # a goal must be about the bodies, not about one contact; keep-outs must have plane faces
         facets = problem.of_facets
         if facets.goal not in ("touch", "clear") or facets.contacts:
             return None
         near, plane = (facets.movable, facets.static), DEFAULT.drawn * facets.size
-        if any(max(deviation_of(own.body)) > plane or own.ends[0] < own.ends[1] for own in facets.keep_out):
+        if any(max(deviation_of(own.body)) > plane for own in facets.keep_out):
             return None
         found = has_round_faces(problem) and all(bounding_bodies(own) is not None for own in near)
         return cls(problem) if found else None
@@ -92,30 +92,28 @@ class Exchange:
             return self._last[2]
         movable, scale = self.facets.movable, float(self.facets.target[0])
         found = list[NearestPoints]()
-        for k, (body, its_scale, need) in enumerate(self._others):
+        for k, body, its_scale, need in self._others:
             for own in where_nearest(movable, body, (scale, its_scale), transform, max(need + slack, 0.0)):
                 found.append(own._replace(gap=own.gap - need, points=own.points if not k else own.points[:1], other=k))
         self._last = transform, slack, sorted(found, key=lambda own: own.gap)
         return self._last[2]
 
     @property
-    def _others(self) -> list[tuple[Body, float, float]]:
-        """What body 1 is to touch or keep clear of: bodies, their scales, and the gaps asked for."""
-        kept = [(own.body, own.ends[0], own.clearance) for own in self.facets.keep_out]
-        return [(self.facets.static, float(self.facets.target[1]), self.need), *kept]
+    def _others(self) -> list[tuple[int, Body, float, float]]:
+        """What body 1 is to touch or keep clear of: the number of each, bodies, scales, and the gaps asked for."""
+        kept = [(k, *own, x.clearance) for k, x in enumerate(self.facets.keep_out, 1) for own in x.bodies]
+        return [(0, self.facets.static, float(self.facets.target[1]), self.need), *kept]
 
     def _followed(self, known: Sequence[NearestPoints], transform: Array) -> list[NearestPoints]:
         """Return where faces that are nearest at known points are so after a motion next to the one of these."""
-        found, movable = list[NearestPoints](), self.facets.movable
+        found, faces = list[NearestPoints](), [true_faces(own) for own in (self.facets.movable, self.facets.static)]
         for own in known:
-            body, scale, need = self._others[own.other]
-            scales, faces = (float(self.facets.target[0]), scale), [true_faces(movable), true_faces(body)]
-            there = followed(faces, scales, transform, own) if len(own.points) > 1 else None
+            there = None if own.other else followed(faces, self.facets.target, transform, own)
             if there is None:  # it is looked for among all
                 near = self._sorted(transform, self._slack)
                 found.append(min(near, key=lambda x: float(norms(x.points[0] - own.points[0])), default=own))
             else:
-                found.append(there._replace(gap=there.gap - need))
+                found.append(there._replace(gap=there.gap - self.need))
         return found
 
     def add(self, found: Sequence[NearestPoints]) -> None:

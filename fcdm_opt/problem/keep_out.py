@@ -75,9 +75,17 @@ class KeepOut:
         """
         low, high = self.ends
         return tuple(
-            (part, high) if low == high or holds_seed(part) else (_swept(part, low, high), 1.0)
+            (part, high) if low == high or holds_seed(part) else (_swept(part, low, high).parts[0], 1.0)
             for part in self.body.parts
         )
+
+    @cached_property
+    def bodies(self) -> tuple[tuple[Body, float], ...]:
+        """The body at its scale; over a range a body for each of the `obstacles`."""
+        low, high = self.ends
+        if low == high or all(map(holds_seed, self.body.parts)):
+            return ((self.body, high),)
+        return tuple((_swept(part, low, high), 1.0) for part in self.body.parts)
 
 
 def holds_seed(part: ConvexPart) -> bool:
@@ -85,10 +93,10 @@ def holds_seed(part: ConvexPart) -> bool:
     return bool((((part.bases - part.seed) * part.normals).sum(axis=1) >= 0).all())
 
 
-def _swept(part: ConvexPart, low: float, high: float) -> ConvexPart:
+def _swept(part: ConvexPart, low: float, high: float) -> Body:
     """Return the hull of a part at both ends of a range of scales."""
     arms = part.vertices - part.seed
-    return Body.convex(part.seed + np.vstack([low * arms, high * arms]), seed=part.seed, name="swept").parts[0]
+    return Body.convex(part.seed + np.vstack([low * arms, high * arms]), seed=part.seed, name="swept")
 
 
 def keep_outs(values: Any) -> tuple[KeepOut, ...]:

@@ -1359,3 +1359,16 @@ def test_a_keep_out_in_the_way_of_a_round_contact_is_named() -> None:
     assert found.status is fo.Status.INFEASIBLE
     # the roller rises by .05 sqrt 2 and is .05 larger; the lid is .1 above it
     assert f"keep-out lid overlap by {0.05 * math.sqrt(2.0) - 0.05:.4g}" in str(found)
+
+
+def test_a_keep_out_over_a_range_of_scales_left_round_parts_to_their_facets() -> None:
+    """A peg in a bore .1 wider, clear by .02, and by .01 of a stop whose lower face is .002 lower at 1.001 times."""
+    hole = fo.cut(fo.Box((60, 60, 12), centre=(0, 0, -6)), fo.Cylinder(6.1, 30, base=(0, 0, -20)), name="plate")
+    x, y = -0.45, 0.42
+    peg = fo.joined(fo.Cylinder(6, 20, base=(x, y, -10)), fo.Box((30, 8, 4), centre=(x, y, 12)), name="peg")
+    stop = fo.KeepOut(fo.Box((40, 4, 6), centre=(0, 6.02, 14), name="stop"), (1.0, 1.001), clearance=0.01)
+    asked = {"target": (1, 1), "goal": "clear", "clearance": 0.02, "keep_out": [stop]}
+    found = fo.solve(fo.Problem(peg, hole, motion=fo.Translation("x") >> fo.Translation("y"), **asked))
+    rest = (-math.sqrt(0.08**2 - 0.008**2), 0.008)
+    assert [*found.parameters.values()] == pytest.approx([rest[0] - x, rest[1] - y], abs=1e-7)
+    assert found.lower_bound == pytest.approx(math.hypot(rest[0] - x, rest[1] - y), rel=1e-7)
