@@ -122,7 +122,7 @@ def goes_through(problem: Problem, parameters: tuple[float, ...], keep_out: Keep
     return False
 
 
-def is_in_the_way(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
+def collides_on_path(problem: Problem, parameters: tuple[float, ...], keep_out: KeepOut | None = None) -> bool:
     """Tell whether body 1 goes through body 2, or a keep-out, on its straight way, or digs into it in a large turn."""
     return goes_through(problem, parameters, keep_out) or _digs_into(problem, parameters, keep_out)
 

@@ -13,7 +13,7 @@ from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.judge import certificate
-from fcdm_opt.judge.engagement import is_in_the_way, leaves_fit
+from fcdm_opt.judge.engagement import collides_on_path, leaves_fit
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import IN_PLACE, AssemblySolution, kept_apart, kept_clear_by
 from fcdm_opt.problem.assembly import CLEAR, JoinedPair
@@ -133,8 +133,8 @@ def gone_through(solution: Bounded) -> list[tuple[str, str]]:
         names = (solution.problem.movable.name or "the movable part", solution.problem.static.name or "the static part")
         moved.append((*names, solution.problem, tuple(solution.parameters.values())))
     for one, two, problem, q in moved:
-        found += [(one, two)] if is_in_the_way(problem, q) else []
-        found += [(one, own.name) for own in problem.keep_out if is_in_the_way(problem, q, own)]
+        found += [(one, two)] if collides_on_path(problem, q) else []
+        found += [(one, own.name) for own in problem.keep_out if collides_on_path(problem, q, own)]
     return found
 
 

@@ -461,8 +461,8 @@ def _soonest_closed(problem: Problem, near: Sequence[NearestPoints]) -> NearestP
         return least
     normals = np.array([own.normal for own in alike])
     shifts = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
-    reach = np.linalg.norm(normals @ shifts.T, axis=1)
-    far = reach >= (1.0 - DEFAULT.snap) * reach.max()
+    rates = np.linalg.norm(normals @ shifts.T, axis=1)
+    far = rates >= (1.0 - DEFAULT.snap) * rates.max()
     return alike[int(np.where(far, normals @ normals.sum(axis=0), -np.inf).argmax())]
 
 

@@ -268,9 +268,6 @@ def with_defaults(defaults: Mapping[str, Any], case: Mapping[str, Any]) -> dict[
     """Return the keys of a case and the defaults: whose tolerance goes with a requirement alone."""
     # and whose contacts go with the goals and the pair that restore them together, and clearance with what is "clear"
     given = {**defaults, **case}
-    for key, other in (("requirement", "target"), ("target", "requirement")):  # one of them says what is asked
-        if key in case and other not in case:
-            given.pop(other, None)
     restoring = given.get("goal") in RESTORING_GOALS and given.get("pair") != "clear"
     if case.get("contacts") == [] or ("contacts" not in case and not restoring):
         given.pop("contacts", None)
@@ -503,8 +500,14 @@ class ProblemFile(Entry, title="Problem file"):
         return tuple(made)
 
     def defaults_of(self, case: Case) -> Defaults:
-        """Return the defaults of a case, without values of parameters that the motions of other cases alone have."""
+        """Return the defaults of a case, without values of parameters that the motions of other cases alone have.
+
+        And without a target or a requirement, where the case has the other one.
+        """
         kept, motions = dict[str, Any](), dict[str, Motion]()
+        for key, other in (("requirement", "target"), ("target", "requirement")):
+            if getattr(case, key) is not None and getattr(case, other) is None:
+                kept[other] = None
         for own in self.case:
             with suppress(InputError):  # which is told of that case
                 motions[own.name] = own.moved(self.defaults)

@@ -16,7 +16,7 @@ from fcdm_opt.design.sizes import beyond_tolerances
 from fcdm_opt.geometry.facet_errors import gaps_off
 from fcdm_opt.geometry.naming import element_text, is_round, with_article
 from fcdm_opt.geometry.units import measured
-from fcdm_opt.judge.engagement import is_in_the_way
+from fcdm_opt.judge.engagement import collides_on_path
 from fcdm_opt.problem.fit import drawn_bodies, mating_cylinders, verdict
 from fcdm_opt.problem.solution import TRUE_FACES
 from fcdm_opt.show import texts
@@ -151,7 +151,7 @@ def gone_through(solution: Solution) -> list[str]:
     return [
         name_of(problem, 1) if other is None else f"keep-out {other.name}"
         for other in (None, *problem.keep_out)
-        if any(parameters) and pacing.in_time(is_in_the_way, problem, parameters, other, late=False)
+        if any(parameters) and pacing.in_time(collides_on_path, problem, parameters, other, late=False)
     ]
 
 
