@@ -518,7 +518,9 @@ class ProblemFile(Entry, title="Problem file"):
                 kept[key] = {name: x for name, x in given.items() if name not in others} or (
                     None if key == "resolution" else {}
                 )
-        return self.defaults.model_copy(update=kept)
+        found = self.defaults.model_copy(update=kept)
+        found.model_fields_set.difference_update(key for key in ("requirement", "target") if key in kept)
+        return found
 
     @contextmanager
     def _placing(self, case: Case, key: str, file: Path | None) -> Iterator[None]:
