@@ -785,10 +785,10 @@ def test_an_amount_of_zero_needs_no_bound() -> None:
 
 def test_a_collar_that_the_motion_lifts_off_its_shoulder_was_not_counted_on_true_faces() -> None:
     """With .02 of play, .01 of it for the sizes, .005 are left at the shoulder where the plug rises by that."""
-    bores = fo.Cylinder(8, 12, base=(0, 0, -12)), fo.Cylinder(12, 4, base=(0, 0, -4))
+    bores = fo.Cylinder(8, 12, base=(0, 0, -12), facets=12), fo.Cylinder(12, 4, base=(0, 0, -4), facets=12)
     block = fo.cut(fo.Box((40, 40, 20), centre=(0, 0, -10)), *bores, name="block")
-    shank, head = fo.Cylinder(7.98, 11.5, base=(0, 0, -11.5)), fo.Cylinder(11.9, 7, base=(0, 0, -4))
-    plug = fo.joined(shank, head, name="plug")
+    shank = fo.Cylinder(7.98, 11.5, base=(0, 0, -11.5), facets=12)
+    plug = fo.joined(shank, fo.Cylinder(11.9, 7, base=(0, 0, -4), facets=12), name="plug")
     sizes = [fo.Size("shank", "movable", faces="cylinder radius 7.98", each=0.5, tolerance=0.01)]
     sizes += [fo.Size("bore", "static", faces="bore radius 8", each=-0.5, tolerance=0.01)]
     asked = fo.Problem(plug, block, sizes=sizes, goal="clear", motion=fo.Translation("x") >> fo.Translation("z"))

@@ -382,10 +382,10 @@ def test_a_pin_aside_in_two_bores_moves_less_than_one_that_goes_straight_down() 
 
 def test_a_strap_over_a_pipe_of_another_size_in_bores_of_less_than_a_half() -> None:
     """A larger pipe rests on the edges of both, 1 beside the middle; of a smaller one less than straight down does."""
-    bore, rise = fo.Cylinder(3, 40, base=(0, -20, 0), axis="y"), sqrt(3.01**2 - 8.0) - 1.0
+    bore, rise = fo.Cylinder(3, 40, base=(0, -20, 0), axis="y", facets=16), sqrt(3.01**2 - 8.0) - 1.0
     base = fo.cut(fo.Box((20, 10, 10), centre=(0, 0, -6)), bore, name="base")
     strap = fo.cut(fo.Box((20, 10, 10), centre=(0, 0, 6)), bore, name="strap")
-    pipe = fo.Cylinder(3, 30, base=(0, -15, 0), axis="y", name="pipe")
+    pipe = fo.Cylinder(3, 30, base=(0, -15, 0), axis="y", facets=16, name="pipe")
     size = fo.Size("pipe", "pipe", faces="cylinder radius 3", each=0.5, tolerance=0.05)
     motions, follows = {"pipe": X >> Z, "strap": X >> Z}, {"strap": "base"}
     contacts, parts = [("pipe", "base"), ("strap", "pipe")], [base, pipe, strap]
