@@ -34,6 +34,7 @@ from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
 from fcdm_opt.problem.fit import (
     REST,
     drawn_bodies,
+    hair_of,
     holds,
     leads_away,
     misfit,
@@ -70,14 +71,16 @@ def leaves_fit(problem: Problem, parameters: tuple[float, ...]) -> bool:
     if not q.any():
         return False
     through, tracking = goes_through(problem, parameters), problem.goal in TRACKING or problem.contacts
-    if through and not tracking and abs(overlap_as_drawn(problem)) <= 1.0:
-        return True  # the parts meet as drawn, held or not; of a contact that is tracked `path` says what is asked
+    pose = _poses(problem, q[None])[0]
+    shift = pose[:3, :3] @ problem.movable.seed + pose[:3, 3] - problem.movable.seed
+    if through and not tracking:  # of a contact that is tracked `path` says what is asked
+        overlap, far = overlap_as_drawn(problem), float(np.linalg.norm(shift)) / hair_of(problem)
+        if abs(overlap) <= 1.0 or 0.0 < overlap <= HELD_SHARE * far:
+            return True  # the parts meet as drawn, held or not, or a pose was sensed a little off
     if all(len(body.parts) == 1 for body in bodies):
         return False  # of two convex parts neither holds the other
-    pose = _poses(problem, q[None])[0]
     if not (through or _any_comes_off(problem, pose)):
         return False
-    shift = pose[:3, :3] @ problem.movable.seed + pose[:3, 3] - problem.movable.seed
     return holds(problem) or not (tracking or through or leads_away(problem, shift))
 
 

@@ -184,7 +184,12 @@ def overlap_as_drawn(problem: Problem) -> float:
     """Return how deep the parts overlap as drawn, in hairs, see `HAIR`; negative where they are apart, by that."""
     drawn = drawn_bodies(problem)
     solids = PlacedSolids(*drawn, problem.nominal_pair, REST)
-    return (solids.depth or -solids.distance) / (HAIR * min(body.size for body in drawn))
+    return (solids.depth or -solids.distance) / hair_of(problem)
+
+
+def hair_of(problem: Problem) -> float:
+    """Return the length by which parts that meet may overlap as drawn, or be apart, see `HAIR`."""
+    return HAIR * min(body.size for body in drawn_bodies(problem))
 
 
 def _most_room(normals: Array, gaps: Array) -> tuple[float, Array]:

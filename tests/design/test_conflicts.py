@@ -627,7 +627,7 @@ def test_contacts_that_clash_were_named_without_the_steps_and_sizes_that_do_not_
     made = {"tread": 0.05, "thick": 0.02}
     found = conflicts(Problem(BLOCK, STAIRS, sizes=sizes, made=made, **asked), relax=False, deviation=False)
     assert [clash.sizes for clash in found.clashes] == [("tread",)]
-    assert ", at the sizes made (proved); one does with tread as drawn" in str(found)
+    assert ", at the sizes made (proved); with tread as drawn one keeps these" in str(found)
     assert found.to_dict()["clashes"][0]["sizes"] == ["tread"]
 
 

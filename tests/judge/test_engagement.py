@@ -1006,3 +1006,14 @@ def test_a_wide_turn_in_free_space_stays_in_the_fit() -> None:
     assert found.usable
     assert abs(found.parameters["RZ"]) > 1.5
     assert "goes through" not in str(found)
+
+
+def test_a_block_sensed_too_deep_in_its_corner_was_sent_through_the_floor() -> None:
+    """By .45 out of each wall, where TX is limited to .3: it went down through the floor, and that was usable."""
+    walls = fo.Box((5, 60, 40), centre=(-2.5, 25, 15)), fo.Box((60, 5, 40), centre=(25, -2.5, 15))
+    corner = fo.joined(*walls, fo.Box((65, 65, 5), centre=(25, 25, -2.5)), name="corner")
+    sensed = fo.Box((30, 20, 10), centre=(14.6, 9.6, 5.02), name="block")
+    motion = fo.Translation("x") >> fo.Translation("y") >> fo.Translation("z")
+    asked = {"target": (1, 1), "goal": "clear", "clearance": 0.05, "limits": {"TX": (-0.3, 0.3)}}
+    for block in (sensed, sensed.moved(fo.Rotation("z").transform([0.03], sensed.seed, corner.seed))):
+        assert fo.solve(fo.Problem(block, corner, motion=motion, **asked)).status is Status.OUTSIDE_FIT

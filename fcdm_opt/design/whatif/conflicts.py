@@ -66,7 +66,7 @@ class Conflicts(Plain):
             tail = " without parts that overlap" * (bool(clash.names) and isinstance(self.problem, Assembly))
             tail += f", at the sizes made{of}" * bool(clash.sizes)
             tail += f" ({'proved' if clash.proved else found})"
-            tail += f"; one does with {' or '.join(clash.sizes)} as drawn" * (some and bool(clash.sizes))
+            tail += f"; with {' or '.join(clash.sizes)} as drawn one keeps these" * (some and bool(clash.sizes))
             clashing.setdefault(": ".join(filter(None, (tail, clash.reason))), []).append(clash)
         for tail, each in clashing.items():
             several, names = len(each) >= MANY, [own.names for own in each]
