@@ -55,7 +55,7 @@ SINGLE = 8 * 2.0**-23  # how far the numbers of a rotation may be off it in sing
 SEED_RULES: tuple[str, ...] = ("centroid", "vertices", "box")
 KNOWN_SOLIDS = "a Body, a trimesh.Trimesh, (vertices, faces), a coal.Convex, a coal BVH model"
 NOT_RIGID = "the transform is not a rigid motion"
-RIGID = f"a rotation matrix and a shift, last row 0 0 0 1, to {DEFAULT.rigid:g}"
+RIGID = f"a rotation matrix and a shift, last row 0 0 0 1, to {DEFAULT.rigid:g}, or with six digits"
 MOST_PRODUCTS = 1_000_000  # of normals and corners worked out at a time
 
 
@@ -858,14 +858,19 @@ def about(seed: Array, scale: float) -> Array:
 
 
 def in_full(given: Any, poses: Array) -> Array:
-    """Return poses, (..., 4, 4), given in single precision with the nearest rotations in full; others as is."""
-    # what is no rotation to within single precision stays as it is
-    if getattr(given, "dtype", None) != np.float32 or poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
+    """Return poses, (..., 4, 4), given in single precision, or rounded to six digits, with the nearest rotations."""
+    # what is no rotation to within that stays as it is, as does what counts as one
+    if poses.shape[-2:] != (4, 4) or not np.isfinite(poses).all():
         return poses
-    left, _, right = np.linalg.svd(poses[..., :3, :3])
+    least, turns = DEFAULT.rigid / 8.0, poses[..., :3, :3]
+    if getattr(given, "dtype", None) != np.float32:
+        least = DEFAULT.rigid / 4.0
+        if np.abs(turns @ np.swapaxes(turns, -1, -2) - np.eye(3)).max(initial=0.0) <= DEFAULT.rigid:
+            return poses
+    left, _, right = np.linalg.svd(turns)
     nearest, made = left @ right, poses.copy()
-    off = np.abs(nearest - poses[..., :3, :3]).max(axis=(-1, -2), keepdims=True)
-    made[..., :3, :3] = np.where((off > DEFAULT.rigid / 8.0) & (off <= SINGLE), nearest, poses[..., :3, :3])
+    off = np.abs(nearest - turns).max(axis=(-1, -2), keepdims=True)
+    made[..., :3, :3] = np.where((off > least) & (off <= SINGLE), nearest, turns)
     return made
 
 
@@ -874,7 +879,7 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
     if transform is None:
         return IDENTITY
     plain = type(transform) is np.ndarray and transform.dtype == np.float64
-    T = np.array(transform, order="C") if plain else in_full(transform, numbers(transform, key))
+    T = np.array(transform if plain else numbers(transform, key), order="C")
     if T.shape != (4, 4):
         raise InputError("a transform is a 4x4 matrix", key=key, found=f"shape {T.shape}")
     if not all(map(isfinite, T.ravel().tolist())):
@@ -883,6 +888,9 @@ def rigid_transform(transform: ArrayLike | None, *, key: str = "transform") -> A
     if max(map(abs, shift)) > LARGEST:
         raise InputError("a translation too large to calculate with", key=key, found=shift, allowed=f"{LARGEST:g}")
     error, determinant = skewness(T)
+    if not error <= DEFAULT.rigid or not plain:
+        T = in_full(transform, T)
+        error, determinant = skewness(T)
     if not error <= DEFAULT.rigid:
         raise InputError(NOT_RIGID, key=key, found=f"one that is off by {error:.3g}: {T.tolist()}", allowed=RIGID)
     if determinant < 0:

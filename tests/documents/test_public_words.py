@@ -86,6 +86,17 @@ def test_poses_in_single_precision_are_taken(seed):
     assert one.moved(single).seed == pytest.approx(one.moved(T).seed, abs=1e-6)
 
 
+def test_a_pose_of_six_digits_as_logs_have_it_is_the_nearest_one():
+    """Of a rotation matrix rounded to six digits the axis and the angle are right to a millionth."""
+    body, turn = fo.Box((1, 2, 3)), fo.Rotation("z").transform([0.7], np.zeros(3), np.zeros(3))
+    moved = body.moved(turn.round(6).tolist())
+    assert np.abs(moved.vertices - body.moved(turn).vertices).max() < 3e-6
+    edges = np.linalg.norm(moved.vertices[:, None] - moved.vertices, axis=2)
+    assert edges == pytest.approx(np.linalg.norm(body.vertices[:, None] - body.vertices, axis=2), abs=1e-12)
+    with pytest.raises(fo.InputError, match="or with six digits"):
+        body.moved(turn.round(4))
+
+
 def test_what_single_precision_does_not_explain_is_refused():
     body = fo.Body.convex(np.eye(4)[:, :3].astype(np.float32))
     for change in (1.001, 0.0, -1.0):
