@@ -326,6 +326,7 @@ def _from(
                     return less
                 bound = float(np.linalg.norm(y)) if smaller is y else bound
             points = points or [_points_at(*own, q) for own in zip(asked, before, strict=True)]
+            points = [[*_in_the_middle(*own, q)] for own in zip(asked, points, strict=True)]
             if turns and not inside:
                 return RestoringMotion(None, points, 0.0, q)
             only = int(np.linalg.matrix_rank(held, tol=DEFAULT.nominal)) == len(y)
@@ -341,6 +342,14 @@ def _from(
 def _points_at(problem: Problem, before: Sequence[Pairs], q: Array) -> list[NearestPoints]:
     """Return where faces that touch as drawn are nearest at motion parameters, see `_nearest`."""
     return _nearest(problem, before, problem.motion.transform(q, problem.movable.seed, problem.static.seed))
+
+
+def _in_the_middle(problem: Problem, points: Sequence[NearestPoints], q: Array) -> Iterator[NearestPoints]:
+    """Yield contacts with the middles of the straight lines along which faces touch in place of their ends."""
+    faces = [true_faces(own) for own in problem.bodies_made.values()]
+    pose = problem.motion.transform(q, problem.movable.seed, problem.static.seed)
+    for own in points:
+        yield own._replace(points=ends_of_line(own, faces, problem.target, pose).mean(axis=0))
 
 
 def _rows_of_points(problem: Problem, points: Sequence[NearestPoints], q: Array) -> Rows:
