@@ -35,7 +35,7 @@ from fcdm_opt.lazy_import import imported
 from fcdm_opt.plain import agree, plain
 from fcdm_opt.problem.amounts import OwnAmount
 from fcdm_opt.problem.assembled import AssemblySolution
-from fcdm_opt.problem.contacts_restored import flat_contacts, restores, touching_again
+from fcdm_opt.problem.contacts_restored import flat_contacts, restores, restoring_motion, touching_again
 from fcdm_opt.problem.evidence import Evidence, Multipliers
 from fcdm_opt.problem.keep_out import KeepOut
 from fcdm_opt.problem.nominal import FIT
@@ -225,8 +225,8 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     if not problems:
         return False
     round_ones = [own for own in problems if q is not None and own.motion.shifts and touching_again(own) is not None]
-    if round_ones and q is not None and _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement):
-        return True
+    if round_ones and q is not None:  # of which facets tell nothing
+        return _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement)
     own, weights = problems[0].amount, problems[0].weights
     if own != "weighted":
         if q is None:
@@ -286,7 +286,9 @@ def _least_restoring(asked: Sequence[Problem], q: Array) -> float:
             both = zip((flat.one, flat.two), own.bodies_made.values(), strict=True)
             rows += [shifts @ body.face_planes[0][rows_at(body, x)[0]] for x, body in both if x.kind == "F"]
     held = np.array(rows).reshape(-1, len(q))
-    return float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ (weights * q))))
+    least = float(np.linalg.norm(np.linalg.pinv(held, rcond=DEFAULT.nominal) @ (held @ (weights * q))))
+    found = restoring_motion(asked)  # with what keeps axes of parallel cylinders apart
+    return least if found is None else max(least, found.bound)
 
 
 def without_evidence(solution: Solution | AssemblySolution) -> str:

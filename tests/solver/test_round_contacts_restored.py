@@ -360,6 +360,14 @@ def test_a_pin_in_two_bores_that_share_it_is_proved_least(made: dict[str, float]
     assert found.lower_bound == pytest.approx(np.hypot(*shifts), rel=1e-9)
 
 
+def test_a_shared_bound_of_round_contacts_was_checked_on_facets() -> None:
+    """By which one a hundredth larger passed."""
+    found = fo.solve(hinge(pin=-0.04, bore=0.02), certify=True)
+    assert fo.verify(found, proof=True).passed
+    claimed = [replace(own, bound=1.01 * own.bound) for own in found.evidence]
+    assert "pin - lugs" in str(fo.verify(replace(found, evidence=tuple(claimed)), proof=True).failed)
+
+
 def test_a_pin_aside_in_two_bores_moves_less_than_one_that_goes_straight_down() -> None:
     """With plays of .07 and .08, of which .05 each are used up as drawn: the least of all directions of both plays."""
 
