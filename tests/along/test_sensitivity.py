@@ -571,6 +571,7 @@ def test_parts_of_a_stepped_shaft_far_from_its_housing_were_held_against_it():
     assert found.sensitivity.sizes == pytest.approx(by_hand, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_flange_that_lies_flat_was_said_to_change_the_amount_by_1e33():
     """What no shift in its plane changes but for rounding holds nothing, however small the slopes are."""
     facets = {"facets": 24}

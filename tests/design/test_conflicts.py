@@ -736,6 +736,7 @@ def test_other_goals_were_refused_where_features_were_named():
     assert {trial.change for trial in ClashSearch(asked).trials()} >= {'goal "touch"', 'goal "clear"'}
 
 
+@pytest.mark.slow
 def test_what_is_alike_of_many_contacts_is_said_once_and_the_size_as_drawn_that_cures_it() -> None:
     """A comb of five teeth in its slots, the last tooth off: eight flanks were told one by one, and no size."""
     spine = fo.Box((50.0, 10.0, 4.0), centre=(0.0, 0.0, 8.0))

@@ -694,6 +694,7 @@ def test_the_best_pose_of_a_taper_had_a_least_gap_that_was_not_the_least() -> No
     assert clearances(asked, pose=pose.transform).range == pytest.approx((-most, most), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_gap_of_a_ball_on_the_rim_of_a_hole_was_that_of_facets() -> None:
     """Lifted by s gaps are |(6 rho_2, 8 + s)| - 10 rho_1: as far off zero, by .272, where s is about 0."""
     hole = fo.Cylinder(6, 20, base=(0, 0, -16), facets=24)

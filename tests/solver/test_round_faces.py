@@ -1323,6 +1323,7 @@ def test_a_tilted_roller_in_two_grooves_was_refused_or_left_overlapping_by_three
     assert found.amount == pytest.approx(right, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_plate_on_two_pins_did_not_fit_from_where_facets_leave_more_play() -> None:
     play, ends = 0.05, np.array([(-30.0, 0.0), (30.0, 0.0)])
     pins = [fo.Cylinder(5.0 - play, 20.0, base=(x, 0, -4), facets=16) for x, _ in ends]
@@ -1363,9 +1364,11 @@ def test_a_keep_out_in_the_way_of_a_round_contact_is_named() -> None:
 
 def test_a_keep_out_over_a_range_of_scales_left_round_parts_to_their_facets() -> None:
     """A peg in a bore .1 wider, clear by .02, and by .01 of a stop whose lower face is .002 lower at 1.001 times."""
-    hole = fo.cut(fo.Box((60, 60, 12), centre=(0, 0, -6)), fo.Cylinder(6.1, 30, base=(0, 0, -20)), name="plate")
+    bore = fo.Cylinder(6.1, 30, base=(0, 0, -20), facets=16)
+    hole = fo.cut(fo.Box((60, 60, 12), centre=(0, 0, -6)), bore, name="plate")
     x, y = -0.45, 0.42
-    peg = fo.joined(fo.Cylinder(6, 20, base=(x, y, -10)), fo.Box((30, 8, 4), centre=(x, y, 12)), name="peg")
+    shank = fo.Cylinder(6, 20, base=(x, y, -10), facets=16)
+    peg = fo.joined(shank, fo.Box((30, 8, 4), centre=(x, y, 12)), name="peg")
     stop = fo.KeepOut(fo.Box((40, 4, 6), centre=(0, 6.02, 14), name="stop"), (1.0, 1.001), clearance=0.01)
     asked = {"target": (1, 1), "goal": "clear", "clearance": 0.02, "keep_out": [stop]}
     found = fo.solve(fo.Problem(peg, hole, motion=fo.Translation("x") >> fo.Translation("y"), **asked))
