@@ -488,7 +488,7 @@ class ProblemFile(Entry, title="Problem file"):
         for key, case in cases.items():
             if wanted and case.name not in wanted:
                 continue
-            pacing.at(f"looking how the parts of {key} lie")
+            pacing.at(f"looking how the parts of case {case.name} lie")
             pacing.check()
             try:
                 with self._placing(case, key, file):
