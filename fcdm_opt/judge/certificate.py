@@ -225,8 +225,10 @@ def restored_at_least(problems: Sequence[Problem], amount: float, q: Array | Non
     if not problems:
         return False
     round_ones = [own for own in problems if q is not None and own.motion.shifts and touching_again(own) is not None]
-    if round_ones and q is not None:  # of which facets tell nothing
-        return _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement)
+    if round_ones and q is not None:
+        shown = _least_restoring(round_ones, q) >= amount * (1.0 - DEFAULT.requirement)
+        if shown or all(own.motion.shifts for own in problems):  # of which facets tell nothing
+            return shown
     own, weights = problems[0].amount, problems[0].weights
     if own != "weighted":
         if q is None:
