@@ -16,37 +16,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows, groups_of
+from fcdm_opt.geometry.arrays import Array, Flags, Ints, distinct_rows, groups_of
 from fcdm_opt.geometry.bodies import Body, cached_of_whole
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
+from fcdm_opt.geometry.patch_kernels import RIM_SLACK, beyond_chords, is_outside, lowest, nearest, nearest_on_edges
 from fcdm_opt.geometry.polygons import Sides, distances
 from fcdm_opt.geometry.tessellation import (
     Number,
     Swept,
-    inverse_of,
-    misses_of_each,
-    onto,
     onto_each,
     surfaces_of_triangles,
 )
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
-STEPS = 60  # of Newton's method
 NEARING = 6  # of those to the nearest point of an edge
-FEWER = 12  # times that a step is halved at most
-LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 NEAR_BY = 0.05  # of the size: so far nearest points may move from one pose to another, where they are followed
-STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
-ROUNDED = 1e-15  # of a length over that of the piece looked at: by how much a gap is off by rounding
-LEVEL = 1e-13  # slope of the gap along a face under which it is least
 DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
-BOWED = 1.5  # times what the middle of a chord leaves its edge, any point of it does at most
-RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
 
 
 class Patch(NamedTuple):
@@ -99,6 +89,7 @@ class TrueFaces:
     patches: tuple[Patch, ...]
     corners: Array  # triangles, wound outwards, as drawn, (t, 3, 3)
     owners: Ints  # the patch of each, (t,)
+    sorted: Ints  # triangles by patch, (t,)
     rows: Ints  # the row of `Body.faces` of each, (t,)
     is_round: Flags  # of each patch, (p,)
     first_rows: Ints  # the first of the rows of `Body.faces` that each patch stands for, (p,)
@@ -113,6 +104,7 @@ class TrueFaces:
         rounds, normals = round_surfaces(body), unit_normals(self.corners)
         surfaces, self.owners = surfaces_of_triangles(self.corners, self.rows, rounds)
         self.is_round = np.arange(len(surfaces)) < len(rounds)
+        self.sorted = np.argsort(self.owners, kind="stable")
         self._triangles = [np.flatnonzero(self.owners == k) for k in range(len(surfaces))]
         self.first_rows = np.array([self.rows[own].min() for own in self._triangles])
         patches = list[Patch]()
@@ -158,7 +150,7 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
-        for known in ("_boxes", "off_triangles", "_bows", "rims"):
+        for known in ("_boxes", "off_triangles", "_bows", "rims", "chords", "numbers"):
             other.__dict__.pop(known, None)
         other._join(unit_normals(corners))
         return other
@@ -244,6 +236,25 @@ class TrueFaces:
             found[k, other] = Rim(ends[own], bows[own], short[own])
         return found
 
+    @cached_property
+    def chords(self) -> tuple[Array, Ints, Array, Flags]:
+        """The chords of all rims, the patches of each, its bow, and whether triangles end there: see `Rim`."""
+        ends, bows, short = ([own[k] for own in self.rims.values()] for k in range(3))
+        of = np.repeat(np.array([*self.rims], np.int64).reshape(-1, 2), [*map(len, ends)], axis=0)
+        every = [np.zeros((0, 2, 3)), *ends], [np.zeros((0, 3)), *bows], [np.zeros(0, bool), *short]
+        ends, bows, short = (np.concatenate(own) for own in every)
+        return ends, of, bows, short
+
+    @cached_property
+    def numbers(self) -> Array:
+        """The patches as compiled code takes them, (p, 11): see `patch_kernels`."""
+        return np.array(
+            [
+                [*own.origin, *own.axis, *(own.line or (np.nan, np.nan)), own.ring, own.radius, side]
+                for own, side in self.patches
+            ]
+        )
+
     @property
     def holes(self) -> list[tuple[int, int]]:
         """The plane patches that holes open in, with the holes' patches."""
@@ -252,22 +263,10 @@ class TrueFaces:
     def in_hole(self, plane: int, hole: int, corners: Array, near: float) -> Flags:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
-        beyond = self.beyond_chords(plane, hole, corners.reshape(-1, 3), near)
-        whole = np.asarray(beyond.reshape(*corners.shape[:2], beyond.shape[1]).all(axis=1))
+        own = np.flatnonzero((self.chords[1] == (plane, hole)).all(axis=1))
+        beyond = beyond_chords(_Placed(self, 1.0, np.eye(4)).packed, corners.reshape(-1, 3), own, near)
+        whole = np.asarray(beyond.reshape(*corners.shape[:2], len(own)).all(axis=1))
         return np.asarray(whole.any(axis=1))
-
-    def beyond_chords(self, plane: int, other: int, points: Array, near: float | Array) -> Flags:
-        """Tell which points of a plane, (n, 3), are between which chord of a rim and the rim, or near that, (n, m)."""
-        rim = self.rims[plane, other]
-        along, off, out = rim.ends[:, 1] - rim.ends[:, 0], points[:, None] - rim.ends.mean(axis=1), units(rim.bows)
-        heights, aside = (off * out).sum(axis=-1), np.abs((off * units(along)).sum(axis=-1))
-        strip = np.abs(near) + 2.0 * RIM_SLACK * self.body.size  # which triangles are taken to go on for
-        found = (heights >= -strip) & (heights <= BOWED * norms(rim.bows) + np.abs(near))
-        found &= 2.0 * aside <= norms(along) + 2.0 * np.abs(near)
-        rows, which = np.nonzero(found)
-        to_rim = onto(points[rows], [self.patches[k].surface for k in (plane, other)]) - points[rows]
-        found[rows, which] = (to_rim * out[which]).sum(axis=1) >= -np.broadcast_to(near, found.shape)[rows, which]
-        return found
 
     def at(self, point: Array, near: float = 0.0) -> list[int]:
         """Return the patches that meet at a point of a face, or `near` one, the round ones first."""
@@ -376,10 +375,31 @@ class _Placed:
         seed, turn = faces.body.seed, transform[:3, :3]
         self.faces, self.scale, self.turn, self.seed = faces, scale, turn, seed
         self.centre = turn @ seed + transform[:3, 3]
-        rigid = np.eye(4)
-        rigid[:3, :3], rigid[:3, 3] = turn, self.centre / scale - turn @ seed
-        self.patches = [own.placed(rigid, scale) for own in faces.patches]
         self.corners, self.edges, self.tips = map(self.there, (faces.corners, faces.edges, faces.tips))
+
+    @cached_property
+    def patches(self) -> list[Patch]:
+        """The patches there."""
+        rigid = np.eye(4)
+        rigid[:3, :3], rigid[:3, 3] = self.turn, self.centre / self.scale - self.turn @ self.seed
+        return [own.placed(rigid, self.scale) for own in self.faces.patches]
+
+    @cached_property
+    def packed(self) -> tuple[Array, ...]:
+        """All of it there as compiled code takes it: see `patch_kernels`."""
+        faces, made, near = self.faces, self.faces.numbers.copy(), DEFAULT.tie * self.faces.body.size
+        made[:, :3], made[:, 3:6], made[:, 8:10] = (
+            self.there(made[:, :3]),
+            made[:, 3:6] @ self.turn.T,
+            self.scale * made[:, 8:10],
+        )
+        off = self.scale * np.array([2.0 * faces.off_triangles, max(deviation_of(faces.body))]) + near
+        lengths = np.array([near, *off, 2.0 * RIM_SLACK * self.scale * faces.body.size])
+        begins = np.searchsorted(faces.owners[faces.sorted], np.arange(len(made) + 1))
+        ends, of, bows, short = faces.chords
+        chords = self.there(ends), of, self.scale * bows @ self.turn.T, short
+        whole = self.there(faces.every_edge)
+        return made, self.corners[faces.sorted], begins, self.edges, faces.edge_patches, whole, *chords, lengths
 
     def there(self, points: Array) -> Array:
         """Return points as drawn where they are."""
@@ -388,50 +408,6 @@ class _Placed:
     def drawn(self, points: Array) -> Array:
         """Return points as drawn that are there."""
         return self.seed + (points - self.centre) @ self.turn / self.scale
-
-    def covers(self, k: int, points: Array) -> Flags:
-        """Tell which points are over, or below, the piece of a patch that its triangles stand for."""
-        corners, near = self.corners[self.faces.owners == k], DEFAULT.tie * self.faces.body.size
-        gaps, normals = self.patches[k].gaps(points)
-        met, far = _lines(points, normals, corners)
-        off = np.abs(far + gaps[:, None])  # not the far side of a cylinder
-        there = off <= 2.0 * self.scale * self.faces.off_triangles + near
-        found = np.asarray((met & there).any(axis=1))
-        for (plane, other), rim in self.faces.rims.items():
-            if plane == k:
-                feet, short = self.drawn(points - gaps[:, None] * normals), rim.short
-                beyond = self.faces.beyond_chords(plane, other, feet, np.where(short, near, -near))
-                found = (found | beyond[:, short].any(axis=1)) & ~beyond[:, ~short].any(axis=1)
-        return found
-
-    def next_to_rim(self, plane: int, points: Array) -> Flags:
-        """Tell which points of a plane patch are as near a bent edge of it as twice what faces leave their facets."""
-        chords = [own.ends for (k, _), own in self.faces.rims.items() if k == plane]
-        near = 2.0 * self.faces.off_triangles + DEFAULT.tie * self.faces.body.size
-        return np.asarray(distances(self.drawn(points), np.concatenate(chords)).min(axis=0) <= near)
-
-    def outside(self, which: Sequence[int], points: Array, gaps: Array) -> Flags:
-        """Tell which points are behind some patches, and nearer another one or an edge, which tells their gap."""
-        found = np.zeros(len(points), bool)
-        for j, own in enumerate(self.patches):
-            before, _ = own.gaps(points)
-            rows = np.flatnonzero((gaps < 0.0) & (np.abs(before) < -gaps) & ~found) if j not in which else ()
-            if len(rows):
-                found[rows] = self.covers(j, points[rows])
-        off = self.scale * max(deviation_of(self.faces.body)) + DEFAULT.tie * self.faces.body.size  # of chords of edges
-        rows = np.flatnonzero((gaps < -2.0 * off) & ~found)
-        if len(rows):
-            near = distances(points[rows], self.there(self.faces.every_edge)).min(axis=0, initial=np.inf)
-            found[rows] = near < -gaps[rows] - off
-        return found
-
-    def crossed(self, pair: Array, points: Array) -> Flags:
-        """Tell which points of the curve between two patches are on an edge of the body."""
-        own = self.edges[(self.faces.edge_patches == pair).all(axis=1)]
-        directions = own[:, 1] - own[:, 0]
-        share = ((points[:, None] - own[:, 0]) * directions).sum(axis=2) / (directions**2).sum(axis=1)
-        off = norms(points[:, None] - own[:, 0] - share[:, :, None] * directions)
-        return ((share > -RIM_SLACK) & (share < 1.0 + RIM_SLACK) & (off <= norms(directions))).any(axis=1)
 
 
 def _lines(points: Array, directions: Array, corners: Array) -> tuple[Flags, Array]:
@@ -479,10 +455,10 @@ def followed(
     if not 0 < len(met[k]) < 3 or len(met[1 - k]) != 1:
         return None
     own, other, (against,) = both[k], both[1 - k], met[1 - k]
-    on, patch = [Patch.stacked([own.patches[j]]) for j in met[k]], other.patches[against]
-    extent = NEAR_BY * own.scale * own.faces.body.size
-    x = lowest(own.there(known.points[k][None]), on, Patch.stacked([patch]), np.array([extent]))
-    gap, normal = patch.gaps(x)
+    on, extent = np.array([[*met[k], -1][:2]]), NEAR_BY * own.scale * own.faces.body.size
+    start = own.there(known.points[k][None])
+    x = lowest(start, on, np.array([against]), np.array([extent]), own.packed[0], other.packed[0])
+    gap, normal = other.patches[against].gaps(x)
     points = np.stack([own.drawn(x[0]), other.drawn(x[0] - gap[0] * normal[0])][:: 1 - 2 * k])
     return known._replace(gap=float(gap[0]), points=points, normal=(2 * k - 1) * normal[0])
 
@@ -543,20 +519,39 @@ def _nearest(own: _Placed, other: _Placed, band: float, *, both: bool) -> Iterat
             continue
         near = _near(points, of, own, other, band, both=both)
         keys, which = np.unique(np.column_stack([of[near[:, 0]], near[:, 1]]), axis=0, return_inverse=True)
-        pieces = [points[near[which.reshape(-1) == k, 0]] for k in range(len(keys))]
+        if not len(keys):
+            continue
+        pieces = [points[near[own, 0]] for own in groups_of(which.reshape(-1))]
         starts = [_starts(each, other, key[-1]) for each, key in zip(pieces, keys.tolist(), strict=True)]
-        patches = [[*(own.patches[k] for k in on), other.patches[against]] for *on, against in keys.tolist()]
-        extents = [float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces]
-        each = [*zip(keys.tolist(), _lowest_of_each(starts, patches, extents), strict=True)]
-        for (*on, against), x in each:
-            level = other.patches[against].surface
-            if level.flat and any(own.patches[k].surface.flat and _parallel(own.patches[k].surface, level) for k in on):
-                # gaps are alike along it: what of a rim is over the plane may be where it is deepest in a hole there
-                deepest = (y for (*edge, hole), y in each if edge == on and (against, hole) in other.faces.rims)
-                x = np.concatenate([x, *deepest])
-            found = _on_both_bodies(x, own, on, other, against, band)
-            if len(found[0]):
-                yield found
+        extents = np.array([float(norms(np.ptp(each, axis=(0, 1)))) for each in pieces])
+        key = np.repeat(np.arange(len(keys)), [*map(len, starts)])
+        on = np.column_stack([keys[:, :-1], np.full((len(keys), 3 - keys.shape[1]), -1)])
+        patches, others = own.packed[0], other.packed[0]
+        x = lowest(np.concatenate(starts), on[key], keys[key, -1], extents[key], patches, others)
+        for k in np.flatnonzero(_level(keys, patches, others)).tolist():
+            # gaps are alike along it: what of a rim is over the plane may be where it is deepest in a hole there
+            holes = [hole for plane, hole in other.faces.rims if plane == keys[k, -1]]
+            deepest = (keys[:, :-1] == keys[k, :-1]).all(axis=1) & np.isin(keys[:, -1], holes)
+            more = np.flatnonzero(deepest[key[: sum(map(len, starts))]])
+            x, key = np.concatenate([x, x[more]]), np.concatenate([key, np.full(len(more), k)])
+        kept, *each = nearest(x, on[key], keys[key, -1], own.packed, other.packed, other.faces.is_round, band)
+        gap, normal, foot = (known[kept] for known in each)
+        x, key, tight = x[kept], key[kept], DEFAULT.nominal * faces.body.size
+        for rows in groups_of(np.unique(key, return_inverse=True)[1]) if len(key) else ():
+            chosen = list[int]()
+            for j in rows[np.argsort(gap[rows], kind="stable")].tolist():
+                if all(norms(x[j] - x[i]) > tight for i in chosen):
+                    chosen.append(j)
+            yield gap[chosen], normal[chosen], x[chosen], foot[chosen]
+
+
+def _level(keys: Ints, patches: Array, others: Array) -> Flags:
+    """Tell of which features, by their patches and that of the other body, one patch is a plane parallel to that."""
+    flat, theirs = patches[:, 6] == 0.0, others[keys[:, -1]]
+    found = np.zeros(len(keys), bool)
+    for own in keys[:, :-1].T:
+        found |= flat[own] & (norms(cross(patches[own, 3:6], theirs[:, 3:6])) <= DEFAULT.nominal)
+    return np.asarray(found & (theirs[:, 6] == 0.0))
 
 
 def _starts(pieces: Array, other: _Placed, against: int) -> Array:
@@ -572,20 +567,6 @@ def _starts(pieces: Array, other: _Placed, against: int) -> Array:
         spread = np.linspace(0, len(start) - 1, STARTS // 2).astype(int)
         start = start[np.unique(np.concatenate([order[: STARTS // 2], spread]))]
     return start
-
-
-def _lowest_of_each(starts: list[Array], patches: list[list[Patch]], extents: list[float]) -> list[Array]:
-    """Return `lowest` points of features, each from its places and with the patches it is of, and the one it is to."""
-    found, kinds = list(starts), [tuple(own.surface.line is None for own in each) for each in patches]
-    for kind in dict.fromkeys(kinds):
-        rows = [k for k, own in enumerate(kinds) if own == kind]
-        ends = np.cumsum([len(starts[k]) for k in rows])
-        of_each = np.repeat(rows, np.diff(ends, prepend=0)).tolist()
-        *on, against = (Patch.stacked([patches[k][place] for k in of_each]) for place in range(len(kind)))
-        points = lowest(np.concatenate([starts[k] for k in rows]), on, against, np.array(extents)[of_each])
-        for k, own in zip(rows, np.split(points, ends[:-1]), strict=True):
-            found[k] = own
-    return found
 
 
 def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *, both: bool) -> Ints:
@@ -606,46 +587,19 @@ def _near(points: Array, of: Ints, own: _Placed, other: _Placed, band: float, *,
     return near[round_]
 
 
-def _on_both_bodies(
-    x: Array, own: _Placed, on: list[int], other: _Placed, against: int, band: float
-) -> tuple[Array, Array, Array, Array]:
-    """Return those of the lowest points of a feature that are on both bodies: gaps, normals, and the points of both."""
-    patch = other.patches[against]
-    if on:
-        x = x[own.covers(on[0], x) if len(on) == 1 else own.crossed(np.array(on), x)]
-    gap, normal = patch.gaps(x)
-    foot = x - gap[:, None] * normal
-    kept = other.covers(against, foot) & (np.abs(gap) <= band)
-    if len(on) == 1 or (on and not other.faces.is_round[against]):  # nearest between the normals of its faces
-        normals = np.stack([own.patches[k].gaps(x)[1] for k in on], axis=1)
-        shares = inverse_of(normals @ normals.transpose(0, 2, 1)) @ (normals @ normal[:, :, None])
-        kept &= (shares[..., 0] < DEFAULT.sharp).all(axis=1)
-    elif not other.faces.is_round[against]:
-        kept[kept] &= other.next_to_rim(against, foot[kept])
-    kept[kept] &= ~other.outside([against], x[kept], gap[kept])
-    x, gap, foot, normal = x[kept], gap[kept], foot[kept], normal[kept]
-    tight, chosen = DEFAULT.nominal * own.faces.body.size, list[int]()
-    for j in np.argsort(gap, kind="stable").tolist():
-        if all(norms(x[j] - x[i]) > tight for i in chosen):
-            chosen.append(j)
-    return gap[chosen], normal[chosen], x[chosen], foot[chosen]
-
-
 def _crossing_edges(one: _Placed, two: _Placed, band: float) -> Iterator[NearestPoints]:
     """Yield where convex edges of two bodies cross, one of a round face at least, along the normal of both."""
     both = one, two
     low, high = one.edges.min(axis=1) - band, one.edges.max(axis=1) + band
     near = overlapping_between(low, high, two.edges.min(axis=1), two.edges.max(axis=1))
     of = np.array([own.faces.edge_patches[rows] for own, rows in zip(both, near.T, strict=True)])
-    of[1] += len(one.patches)
+    of[1] += len(one.faces.patches)
     start, chords = np.array([own.edges[rows] for own, rows in zip(both, near.T, strict=True)]).transpose(2, 0, 1, 3)
-    chords = chords - start
-    aims = np.abs(_to_nearest(start + chords / 2.0, chords)) <= 1.0  # at most a half beyond either end of a chord
-    kept = np.concatenate([own.faces.is_round for own in both])[of].any(axis=(0, 2)) & aims.all(axis=0)
-    if not kept.any():
-        return
-    start, chords, of = (own[:, kept] for own in (start, chords, of))
-    at, normals = _nearest_on_edges(start + chords / 2.0, chords, [*one.patches, *two.patches], of)
+    round_ = np.concatenate([own.faces.is_round for own in both])[of].any(axis=(0, 2))
+    start, chords, of = start[:, round_], (chords - start)[:, round_], of[:, round_]
+    patches = np.concatenate([own.packed[0] for own in both])
+    at, normals, aims = nearest_on_edges(start + chords / 2.0, chords, patches, of)
+    start, chords, of, at, normals = (own[:, aims] for own in (start, chords, of, at, normals))
     off, across = at[1] - at[0], cross(normals[:, :, 0], normals[:, :, 1])
     normal = units(cross(*across))
     # it is between those of the faces at either edge, and none of them: these tell their gap
@@ -656,121 +610,9 @@ def _crossing_edges(one: _Placed, two: _Placed, band: float) -> Iterator[Nearest
     kept = (side * between > DEFAULT.nominal * dots(across, across)).all(axis=(0, 1)) & (np.abs(gaps) <= band)
     kept &= ((share > -RIM_SLACK) & (share < 1.0 + RIM_SLACK)).all(axis=0)
     kept &= norms(off - (side * gaps)[:, None] * normal) <= DEFAULT.nominal * one.faces.body.size
+    of[1] -= len(one.faces.patches)
     for k in np.flatnonzero(kept).tolist():
-        behind = zip(both, of[:, k] - [[0], [len(one.patches)]], at[::-1, k], strict=True)
-        if not any(own.outside(pair, x[None], gaps[None, k])[0] for own, pair, x in behind):
+        behind = zip(both, of[:, [k]], at[::-1, [k]], strict=True)
+        if not any(is_outside(own.packed, pair, x, gaps[[k]])[0] for own, pair, x in behind):
             points = np.array([own.drawn(x) for own, x in zip(both, at[:, k], strict=True)])
             yield NearestPoints(float(gaps[k]), points, side[k] * normal[k])
-
-
-def _to_nearest(at: Array, along: Array) -> Array:
-    """Return where two straight lines each, through points along directions, (2, n, 3), are nearest, (2, n)."""
-    # in multiples of these; far away for parallel ones
-    off, product = at[1] - at[0], dots(*along)
-    (a, b), (c, d) = dots(along, along), dots(off, along)
-    return np.array([b * c - product * d, product * c - a * d]) / np.maximum(a * b - product**2, SMALLEST)
-
-
-def _nearest_on_edges(start: Array, chords: Array, patches: Sequence[Patch], of: Ints) -> tuple[Array, Array]:
-    """Return points of edges of two bodies, (2, n, 3), where these are nearest, with their faces' normals.
-
-    Points go to where the tangents of their edges are nearest, and back onto these: Newton's method, but for what the
-    gap bends.
-
-    `start` (2, n, 3): about there, on `chords`. `of` (2, n, 2): the patches of each edge. Normals (2, n, 2, 3).
-    """
-    surfaces, sides, pairs = (
-        [own.surface for own in patches],
-        np.array([own.side for own in patches]),
-        of.reshape(-1, 2),
-    )
-    at, along = start, chords
-    for _ in range(STEPS):
-        moves = np.clip(_to_nearest(at, along), -1.0, 1.0)[..., None] * along
-        at = onto_each((at + moves).reshape(-1, 3), surfaces, pairs).reshape(at.shape)
-        normals = (sides[pairs][..., None] * misses_of_each(at.reshape(-1, 3), surfaces, pairs)[1]).reshape(
-            *of.shape, 3
-        )
-        along = cross(normals[:, :, 0], normals[:, :, 1])
-        along *= (norms(chords) / np.maximum(norms(along), SMALLEST))[..., None]
-        if norms(moves).max() <= LEVEL * norms(chords).max():
-            break
-    return at, normals
-
-
-def _turned_to(points: Array, on: list[Patch], against: Patch) -> Array:
-    """Return points of cylinders, their rims and spheres turned to where a parallel one, or another sphere, is nearest.
-
-    Others stay, and those of concentric ones. Arguments as `lowest` takes them.
-    """
-    two = against.surface
-    for k, one in enumerate(own.surface for own in on):
-        if (one.line is None) != (two.line is None):
-            continue
-        centres, away = one.origin, one.origin - two.origin
-        if one.line is None:
-            suited = (one.ring == 0.0) & (two.ring == 0.0) & (len(on) == 1)
-        else:
-            assert two.line is not None
-            centres = centres + ((points - one.origin) * one.axis).sum(axis=1)[:, None] * one.axis
-            away = away - (away * two.axis).sum(axis=1)[:, None] * two.axis
-            suited = (one.line[1] == 0.0) & (two.line[1] == 0.0) & _parallel(one, two)
-            for other in (own.surface for j, own in enumerate(on) if j != k):
-                suited &= other.line is not None and (other.line[0] == 0.0) & _parallel(one, other)
-        lengths = norms(away)
-        suited &= lengths > DEFAULT.tie * one.radius
-        place = centres - (one.radius * against.side / np.where(suited, lengths, 1.0))[:, None] * away
-        points = np.where(suited[:, None], place, points)
-    return points
-
-
-def _parallel(one: Swept, two: Swept) -> Flags:
-    """Tell of each two of several surfaces whether their axes are parallel."""
-    return norms(cross(one.axis, two.axis)) <= DEFAULT.nominal
-
-
-def lowest(points: Array, on: list[Patch], against: Patch, extents: Array) -> Array:
-    """Return points of a patch, or of the curve between two, where the gap to another is least, from some start.
-
-    Newton's method on the surfaces, with steps that are halved until the gap is no larger; each point moves by itself.
-
-    `points` (n, 3). `on`: up to two, each of a row for each point; none of corners, which stay. `against`: alike.
-    `extents` (n,): of the feature: so far, times a few, points may move.
-    """
-    if not on:
-        return points
-    points = onto(points, [own.surface for own in on])
-    points = _turned_to(points, on, against)
-    gap, normal = against.gaps(points)
-    start, moving = points.copy(), np.arange(len(points))
-    for _ in range(STEPS):
-        here, pulled = points[moving], normal[moving]
-        own = np.stack([each.at_rows(moving).gaps(here)[1] for each in on], axis=1)
-        tangents = np.linalg.svd(own)[2][:, len(on) :]
-        slope = (tangents @ pulled[:, :, None])[..., 0]
-        going = (np.abs(slope).max(axis=1) > LEVEL) & (norms(here - start[moving]) <= STRAYED * extents[moving])
-        moving, here, own, tangents, slope, pulled = (x[going] for x in (moving, here, own, tangents, slope, pulled))
-        if not len(moving):
-            break
-        pull = inverse_of(own @ own.transpose(0, 2, 1)) @ (own @ pulled[:, :, None])
-        bends = against.at_rows(moving).bends(here)
-        bends -= sum(pull[:, k, :, None] * each.at_rows(moving).bends(here) for k, each in enumerate(on))
-        values, axes = np.linalg.eigh(tangents @ bends @ tangents.transpose(0, 2, 1))
-        along, extent = (axes.transpose(0, 2, 1) @ slope[:, :, None])[..., 0], extents[moving]
-        share = along / np.maximum(np.abs(values), LEAST_BEND / extent[:, None])
-        share *= np.minimum(1.0, 0.5 * extent / np.maximum(np.abs(share).max(axis=1, initial=0.0), SMALLEST))[:, None]
-        move = np.einsum("kji,kj->ki", tangents, -(axes @ share[:, :, None])[..., 0])
-        last = (along * share).sum(axis=1) <= ROUNDED * extent  # steps after which gaps are the same but for rounding
-        lower, trying = np.zeros(len(moving), bool), np.arange(len(moving))
-        for halved in range(FEWER):
-            rows = moving[trying]
-            trial = onto(here[trying] + 0.5**halved * move[trying], [each.at_rows(rows).surface for each in on])
-            its_gap, its_normal = against.at_rows(rows).gaps(trial)
-            less = (its_gap < gap[rows]) | last[trying]
-            points[rows[less]], gap[rows[less]], normal[rows[less]] = trial[less], its_gap[less], its_normal[less]
-            lower[trying[less]] = ~last[trying[less]]
-            trying = trying[~less]
-            if not len(trying):
-                break
-        moving = moving[lower]
-    return points

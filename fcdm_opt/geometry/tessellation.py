@@ -408,7 +408,7 @@ def _alike(values: Array, slack: float) -> Array:
 
 def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
     """Return points (n, 3) moved onto one or two surfaces, the nearest way."""
-    for _ in range(8 if surfaces else 0):
+    for _ in range(8 if surfaces and len(points) else 0):
         off, normals = zip(*(each.misses(points) for each in surfaces), strict=True)
         rows, gap = np.stack(normals, axis=1), np.stack(off, axis=1)
         step = rows.transpose(0, 2, 1) @ inverse_of(rows @ rows.transpose(0, 2, 1)) @ gap[:, :, None]
