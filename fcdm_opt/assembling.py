@@ -252,7 +252,10 @@ class _Solving:
                 return None, found.only  # else the least motion of all is another one
         amount = float(np.linalg.norm(Task.of(asked[0]).weights * found.q))
         known = not self._prove or all(own.motion.shifts for own in asked)
-        bound = min(found.bound if known else least_restoring(met, found.q, amount), amount)
+        bound = found.bound if known else least_restoring(met, found.q, amount)
+        if self._prove and bound < amount:
+            bound = max(bound, self._relaxed(group))
+        bound = min(bound, amount)
         answer = Answer(Status.SOLVED, found.q, RESTORED, bound)
         moved = self._moved(group, parts, asked, answer, rounds)
         return moved._replace(open_=(bound, amount)), False

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -239,10 +239,13 @@ class TrueFaces:
     @cached_property
     def chords(self) -> tuple[Array, Ints, Array, Flags]:
         """The chords of all rims, the patches of each, its bow, and whether triangles end there: see `Rim`."""
-        ends, bows, short = ([own[k] for own in self.rims.values()] for k in range(3))
-        of = np.repeat(np.array([*self.rims], np.int64).reshape(-1, 2), [*map(len, ends)], axis=0)
-        every = [np.zeros((0, 2, 3)), *ends], [np.zeros((0, 3)), *bows], [np.zeros(0, bool), *short]
-        ends, bows, short = (np.concatenate(own) for own in every)
+        of = np.repeat(
+            np.array([*self.rims], np.int64).reshape(-1, 2), [len(own.ends) for own in self.rims.values()], 0
+        )
+        ends, bows, short = np.zeros((len(of), 2, 3)), np.zeros((len(of), 3)), np.zeros(len(of), bool)
+        for own, rim in self.rims.items():
+            rows = (of == own).all(axis=1)
+            ends[rows], bows[rows], short[rows] = rim
         return ends, of, bows, short
 
     @cached_property
@@ -385,7 +388,7 @@ class _Placed:
         return [own.placed(rigid, self.scale) for own in self.faces.patches]
 
     @cached_property
-    def packed(self) -> tuple[Array, ...]:
+    def packed(self) -> tuple[Any, ...]:
         """All of it there as compiled code takes it: see `patch_kernels`."""
         faces, made, near = self.faces, self.faces.numbers.copy(), DEFAULT.tie * self.faces.body.size
         made[:, :3], made[:, 3:6], made[:, 8:10] = (

@@ -3,6 +3,12 @@
 A surface is ten numbers: a point of its axis, the axis, a and b of the line a r - b z = radius that it is swept by (r
 away from the axis, z along it; a is nan of one that is swept by a circle), the ring of that circle, and the radius.
 Points come with one surface for all of them, or with one each.
+
+A body is a tuple of arrays: its surfaces, (p, 10), their sides, 1 where the material is below, (p,), and which are
+round, (p,); triangles, (t, 3, 3), and the surfaces beyond their sides, (t, 3); the triangles of each surface, (t,),
+where these begin, (p + 1,), and how far the surface may be off each, negative for slivers, (t,); chords between
+surfaces, (m, 2, 3); bent edges of each surface: the surface beyond, (b,), the ends of their chords, (b, 2, 3), how far
+they leave these at most, (b,), and where they begin, (p + 1,); and how far faces leave their facets, (1,).
 """
 
 import math
@@ -18,6 +24,13 @@ SLIVER = 1e-9  # of the square of its longest side: the area of a triangle that 
 SMOOTH = 1e-9  # square of the angle at which a surface goes on in the next one
 ROUND = 1e-6  # of a chord: by so much its ends differ in height and radius about an axis that it is round of
 LEAST = 2.2250738585072014e-308
+GRID, MANY = 6, 48  # points along a side of a triangle, half as many of many triangles
+FINER, TIMES = 0.35, 24  # of a grid about the nearest points, and how often
+AROUND = -1.0, -0.5, 0.0, 0.5, 1.0  # of its width: the next, which is less wide, leaves none between
+FEWEST, FEWEST_OF_DEEPEST = 6, 12  # times at least, of faces that are not and that are the deepest known
+NEARLY = 1e-3  # of the band: by so much less deep points may yet be the deepest
+SLACK = 1e-9  # of the band: nearer to a rim a point is on it
+KEPT, LATE, OF_EACH = 16, 4, 2  # points about which it is made finer, of each two surfaces, and of each triangle
 
 
 @step
@@ -107,38 +120,54 @@ def points_of_edges(one, two, start, end, shares):
     return points
 
 
+@step
+def _vector(points, i):
+    return points[i, 0], points[i, 1], points[i, 2]
+
+
 @kernel
-def to_segments(points, segments):
-    """Return how far points (n, 3) are from the nearest of segments (m, 2, 3), (n,); infinite where there are none."""
-    found = np.full(len(points), math.inf)
-    for i in range(len(points)):
-        point, least = (points[i, 0], points[i, 1], points[i, 2]), math.inf
-        for m in range(len(segments)):
-            start = segments[m, 0, 0], segments[m, 0, 1], segments[m, 0, 2]
-            along = _minus((segments[m, 1, 0], segments[m, 1, 1], segments[m, 1, 2]), start)
-            local, square = _minus(point, start), _dot(along, along)
-            share = min(max(_dot(local, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
-            off = _plus(local, -share, along)
-            least = min(least, _dot(off, off))
-        found[i] = math.sqrt(least)
+def off_segments(p, segments):
+    """Return how far a point is from the nearest of segments (m, 2, 3); infinite where there are none."""
+    least = math.inf
+    for m in range(len(segments)):
+        start = _vector(segments[m], 0)
+        along, local = _minus(_vector(segments[m], 1), start), _minus(p, start)
+        square = _dot(along, along)
+        share = min(max(_dot(local, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        off = _plus(local, -share, along)
+        least = min(least, _dot(off, off))
+    return math.sqrt(least)
+
+
+@kernel
+def room_of(triangles):
+    """Return more than surfaces leave their triangles, (n, 3, 3); negative of slivers: their neighbours tell."""
+    found = np.empty(len(triangles))
+    for t in range(len(triangles)):
+        one, two, three = _vector(triangles[t], 0), _vector(triangles[t], 1), _vector(triangles[t], 2)
+        extent = 0.0
+        for x in range(3):
+            extent = max(extent, max(one[x], two[x], three[x]) - min(one[x], two[x], three[x]))
+        first, second, third = _minus(two, one), _minus(three, two), _minus(one, three)
+        longest, normal = max(_dot(first, first), _dot(second, second), _dot(third, third)), _cross(first, second)
+        found[t] = 0.25 * extent if math.sqrt(_dot(normal, normal)) > SLIVER * longest else -1.0
     return found
 
 
 @kernel
-def is_over(foot, direction, triangles, room):
+def _is_over(body, k, foot, direction):
     """Tell whether a point of a surface has one of its triangles below or above it."""
-    for t in range(len(triangles)):
-        if not room[t] >= 0.0:
-            continue
-        near = True
+    triangles, order, begins, room = body[3], body[5], body[6], body[7]
+    for place in range(begins[k], begins[k + 1]):
+        t = order[place]
+        near = room[t] >= 0.0
         for x in range(3):
             a, b, c = triangles[t, 0, x], triangles[t, 1, x], triangles[t, 2, x]
             near = near and min(a, b, c) - room[t] <= foot[x] <= max(a, b, c) + room[t]
         if not near:
             continue
-        one = _minus((triangles[t, 0, 0], triangles[t, 0, 1], triangles[t, 0, 2]), foot)
-        two = _minus((triangles[t, 1, 0], triangles[t, 1, 1], triangles[t, 1, 2]), foot)
-        three = _minus((triangles[t, 2, 0], triangles[t, 2, 1], triangles[t, 2, 2]), foot)
+        one, two, three = _vector(triangles[t], 0), _vector(triangles[t], 1), _vector(triangles[t], 2)
+        one, two, three = _minus(one, foot), _minus(two, foot), _minus(three, foot)
         least = ROUNDING * max(_dot(one, one), _dot(two, two), _dot(three, three))
         low = 0.0  # all turn one sense about a point that they are below: those of the far side of a bore the other
         for side in (
@@ -154,51 +183,188 @@ def is_over(foot, direction, triangles, room):
 
 
 @kernel
-def on_face(surface, side, feet, triangles, over, others, start, end, room, slack):
-    """Tell which points of a surface (n, 3) are on a face: on its triangles, but where an edge leaves its chord.
+def is_on_face(body, k, foot, over, slack):
+    """Tell whether a point of a surface is on the face: on its triangles, but where an edge leaves its chord.
 
-    Of the face: its surface, (1, 10), its side, its triangles, (t, 3, 3), the surfaces `others`, (e, 10), that it has
-    its bent edges with, the chords of these from `start` to `end`, (e, 3), and how far they leave them at most, `room`,
-    (e,). `over` tells whether the points are known to be over the triangles; nearer than `slack` to an edge a point is
-    on it.
+    `over` tells whether it is known to be over the triangles; nearer than `slack` to an edge a point is on it.
     """
-    found, wide = np.empty(len(feet), np.bool_), np.empty(len(triangles))
-    for t in range(len(triangles)):  # a surface leaves its triangle by less than this; of slivers their neighbours tell
-        one = triangles[t, 0, 0], triangles[t, 0, 1], triangles[t, 0, 2]
-        two = triangles[t, 1, 0], triangles[t, 1, 1], triangles[t, 1, 2]
-        three = triangles[t, 2, 0], triangles[t, 2, 1], triangles[t, 2, 2]
-        extent = 0.0
+    surfaces, others, chords, room, begins = body[0], body[9], body[10], body[11], body[12]
+    normal = _height(surfaces[k], foot)[1]
+    normal = body[1][k] * normal[0], body[1][k] * normal[1], body[1][k] * normal[2]
+    within, beyond = over or _is_over(body, k, foot, normal), False
+    for e in range(begins[k], begins[k + 1]):
+        start, end, near, margin = _vector(chords[e], 0), _vector(chords[e], 1), True, room[e] + slack
         for x in range(3):
-            extent = max(extent, max(one[x], two[x], three[x]) - min(one[x], two[x], three[x]))
-        first, second, third = _minus(two, one), _minus(three, two), _minus(one, three)
-        longest, normal = max(_dot(first, first), _dot(second, second), _dot(third, third)), _cross(first, second)
-        wide[t] = 0.25 * extent if math.sqrt(_dot(normal, normal)) > SLIVER * longest else -1.0
-    for i in range(len(feet)):
-        foot = feet[i, 0], feet[i, 1], feet[i, 2]
-        direction = _height(surface[0], foot)[1]
-        normal = side * direction[0], side * direction[1], side * direction[2]
-        found[i] = over or is_over(foot, normal, triangles, wide)
-        within, beyond = False, False
-        for e in range(len(start)):
-            near, margin = True, room[e] + slack
-            for x in range(3):
-                low, high = min(start[e, x], end[e, x]), max(start[e, x], end[e, x])
-                near = near and low - margin <= foot[x] <= high + margin
-            if not near:
-                continue
-            ends = (start[e, 0], start[e, 1], start[e, 2]), (end[e, 0], end[e, 1], end[e, 2])
-            along, local = _minus(ends[1], ends[0]), _minus(foot, ends[0])
-            square = _dot(along, along)
-            share = _dot(local, along) / square
-            if not 0.0 <= share <= 1.0:
-                continue
-            out, length = _cross(along, normal), math.sqrt(square)
-            curve = _minus(edge_point(surface[0], others[e], ends[0], ends[1], share), ends[0])
-            off = _dot(_plus(local, -share, along), out) / length
-            bow = _dot(_plus(curve, -share, along), out) / length
-            if -slack <= off <= bow + slack:
-                within = True  # on the chord itself triangles tell either
-            elif bow + slack < off <= slack:
-                beyond = True
-        found[i] = (found[i] or within) and not beyond
-    return found
+            near = near and min(start[x], end[x]) - margin <= foot[x] <= max(start[x], end[x]) + margin
+        if not near:
+            continue
+        along, local = _minus(end, start), _minus(foot, start)
+        square = _dot(along, along)
+        share = _dot(local, along) / square
+        if not 0.0 <= share <= 1.0:
+            continue
+        out, length = _cross(along, normal), math.sqrt(square)
+        curve = _minus(edge_point(surfaces[k], surfaces[others[e]], start, end, share), start)
+        off = _dot(_plus(local, -share, along), out) / length
+        bow = _dot(_plus(curve, -share, along), out) / length
+        if -slack <= off <= bow + slack:
+            within = True  # on the chord itself triangles tell either
+        elif bow + slack < off <= slack:
+            beyond = True
+    return within and not beyond
+
+
+@kernel
+def _point(body, k, t, shares):
+    """Return the point of a face by a triangle of it and shares of its corners: of a side it is on the edge there."""
+    surfaces, round_ones, neighbours = body[0], body[2], body[4]
+    corners = _vector(body[3][t], 0), _vector(body[3][t], 1), _vector(body[3][t], 2)
+    p, on_edge, edge = (0.0, 0.0, 0.0), False, (0.0, 0.0, 0.0)
+    for s in range(3):
+        p = _plus(p, shares[s], corners[s])
+    for s in range(3):
+        u, v, other = shares[s], shares[(s + 1) % 3], neighbours[t, s]
+        if u + v > 0.0 and other != k and (round_ones[k] or round_ones[other]):
+            start, end, along = corners[s], corners[(s + 1) % 3], v / (u + v)
+            curve = edge_point(surfaces[k], surfaces[other], start, end, along)
+            p = _plus(p, u + v, _minus(curve, _plus(start, along, _minus(end, start))))
+            if shares[(s + 2) % 3] == 0.0:
+                on_edge, edge = True, curve
+    if on_edge:
+        return edge
+    for _ in range(3 if round_ones[k] else 0):
+        height, direction = _height(surfaces[k], p)
+        p = _plus(p, -height, direction)
+    return p
+
+
+@kernel
+def _is_nearer(body, k, p, depth, slack):
+    """Tell whether a point is less deep behind another face or an edge than behind this one, or before a face."""
+    surfaces, sides, bow = body[0], body[1], body[13][0]
+    for m in range(len(surfaces)):
+        if m != k:
+            height, direction = _height(surfaces[m], p)
+            off = sides[m] * height
+            if slack - depth < off <= depth and is_on_face(body, m, _plus(p, -height, direction), False, slack):
+                return True
+    # where faces end at a concave edge
+    return depth > 2.0 * bow + slack and off_segments(p, body[8]) < depth - bow - slack
+
+
+@kernel
+def _is_closed(own, other, closed, room, p, foot):
+    """Tell whether a point of one body is on a face that does not count, and its foot on the one it stands on there."""
+    for c in range(len(closed)):
+        i, j = closed[c, 0], closed[c, 1]
+        if abs(_height(own[0][i], p)[0]) <= room and abs(_height(other[0][j], foot)[0]) <= room:
+            on = is_on_face(own, i, p, False, room) or off_segments(p, own[8]) <= room
+            if on and (is_on_face(other, j, foot, False, room) or off_segments(foot, other[8]) <= room):
+                return True
+    return False
+
+
+@kernel
+def _chosen(depth, looked_at, which, most):
+    """Return the rows that are deepest of those looked at, few of each triangle, and how many there are."""
+    # what is largest on a grid may not be it between
+    rows, count = np.empty(most, np.int64), 0
+    while count < most:
+        best = -1
+        for i in range(len(depth)):
+            if looked_at[i] and (best < 0 or depth[i] > depth[best]):
+                alike = 0
+                for c in range(count):
+                    alike += which[rows[c]] == which[i]
+                if alike < OF_EACH:
+                    best = i
+                else:
+                    looked_at[i] = False
+        if best < 0:
+            break
+        rows[count], looked_at[best] = best, False
+        count += 1
+    return rows, count
+
+
+@kernel
+def deepest_of_two(own, j, triangles, other, k, band, known, closed, room):
+    """Return how deep points of a face lie behind another; closely only where it is deeper than what is known.
+
+    Of plane faces without points at the edge of a contact that does not count; minus infinity without others.
+
+    `own`, `other`: the bodies; `j`, `k`: the faces of these. `triangles`: those of the face looked at. `closed` (c, 2):
+    faces of both that do not count together, within `room`.
+    """
+    grid = GRID if len(triangles) <= MANY else GRID // 2
+    each, count = grid * (grid + 1) // 2, 0
+    which, shares = np.empty(each * len(triangles), np.int64), np.empty((each * len(triangles), 3))
+    longest = 0.0
+    for t in triangles:
+        for s in range(3):
+            side = _minus(_vector(own[3][t], s), _vector(own[3][t], (s + 1) % 3))
+            longest = max(longest, math.sqrt(_dot(side, side)))
+        for u in range(grid):
+            for v in range(grid - u):
+                which[count], shares[count, 1], shares[count, 2] = t, u / (grid - 1), v / (grid - 1)
+                shares[count, 0] = (grid - 1 - u - v) / (grid - 1)
+                count += 1
+    side, deepest, width, slack = other[1][k], -math.inf, 1.0, SLACK * band
+    counted = len(closed) == 0 or (own[2][j] and other[2][k])
+    for turn in range(TIMES):
+        depth, inside, between = np.empty(len(which)), np.zeros(len(which), np.bool_), np.zeros(len(which), np.bool_)
+        points, feet = np.empty((len(which), 3)), np.empty((len(which), 3))
+        apart = longest * width * (0.5 if turn else 1.0 / (grid - 1))
+        some_inside, some_between, extent = False, False, 0.0
+        for i in range(len(which)):
+            p = _point(own, j, which[i], shares[i])
+            height, direction = _height(other[0][k], p)
+            points[i, 0], points[i, 1], points[i, 2] = p
+            feet[i, 0], feet[i, 1], feet[i, 2] = _plus(p, -height, direction)
+            depth[i], inside[i] = -side * height, abs(height) <= band
+            between[i] = band < side * height <= band + apart
+            some_inside, some_between = some_inside or inside[i], some_between or between[i]
+            extent = max(extent, abs(p[0]), abs(p[1]), abs(p[2]))
+        width *= FINER
+        most, before = LATE if turn >= FEWEST else KEPT, deepest
+        if some_inside or not some_between:  # else, of wide triangles, points that come as near lie between those taken
+            some_inside, outermost = False, True
+            for i in range(len(which)):
+                if not inside[i]:
+                    continue
+                p, foot = _vector(points, i), _vector(feet, i)
+                # sides of triangles from a bent edge may cut across its bow
+                on = is_on_face(other, k, foot, False, slack) and is_on_face(own, j, p, True, slack)
+                on = on and not _is_nearer(other, k, p, depth[i], slack)
+                if on and not counted and known < depth[i] < -room:
+                    on = not _is_closed(own, other, closed, room, p, foot)
+                inside[i] = on
+                if on:
+                    some_inside, deepest = True, max(deepest, depth[i])
+            if not some_inside:
+                break
+            if not counted and turn == FEWEST - 1 and deepest >= -room:  # when points beside these are not as deep
+                for i in range(len(which)):
+                    if inside[i] and depth[i] >= -room:
+                        at = _vector(points, i), _vector(feet, i)
+                        outermost = outermost and _is_closed(own, other, closed, room, at[0], at[1])
+                counted = deepest > room or not outermost
+            fewest = FEWEST if deepest < known - NEARLY * band else FEWEST_OF_DEEPEST
+            if turn >= fewest and deepest - before <= 1e-12 * extent:
+                break
+            between = inside
+        else:
+            most = KEPT
+        rows, count = _chosen(depth, between, which, most)
+        finer, moved = np.empty(25 * count, np.int64), np.empty((25 * count, 3))
+        for c in range(count):
+            for m in range(25):
+                u, v = width * AROUND[m // 5], width * AROUND[m % 5]
+                own_shares, place = shares[rows[c]], 25 * c + m
+                one = min(max(own_shares[0] - u - v, 0.0), 1.0)
+                two, three = min(max(own_shares[1] + u, 0.0), 1.0), min(max(own_shares[2] + v, 0.0), 1.0)
+                whole = one + two + three
+                finer[place] = which[rows[c]]
+                moved[place, 0], moved[place, 1], moved[place, 2] = one / whole, two / whole, three / whole
+        which, shares = finer, moved
+    return deepest if counted or deepest < -room else -math.inf

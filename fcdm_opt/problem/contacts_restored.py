@@ -156,6 +156,7 @@ RESTORED = "1: linear equations of the contacts of true faces"
 ROUNDS = 10  # of Newton's method: one where a face of each pair that meets is plane
 STARTS = 0.0, 0.05, -0.05  # of the size: where contacts change with the square of a turn none leaves the first
 MORE_ROUNDS = 60  # of motions that turn: each leaves a share of what is left, as large as the motion is
+APART = 0.1  # length of the mean of unit normals: they look all round where it is less
 STEP = 0.1  # of a shift: by so much it is left where the least one is another
 NEAR = DEFAULT.snap, 1e-3, 0.05  # of the size: how far apart faces are looked at, one after another
 
@@ -462,7 +463,8 @@ def _nearest(problem: Problem, before: Sequence[Pairs], pose: Array) -> list[Nea
 def _soonest_closed(problem: Problem, near: Sequence[NearestPoints]) -> NearestPoints:
     """Return where a contact's faces are nearest: of places as near, as of a thinner pin amid its bore, one to close.
 
-    That along whose normal the motion's shifts go farthest for their amount; of those alike the middle one.
+    That along whose normal the motion's shifts go farthest for their amount; of those alike the middle one, with the
+    mean of their normals: along it the gaps on both sides of a pin that rests on two edges change alike.
     """
     least = min(near, key=lambda own: own.gap)
     alike = [own for own in near if own.gap <= least.gap + problem.contact_slack]
@@ -472,7 +474,9 @@ def _soonest_closed(problem: Problem, near: Sequence[NearestPoints]) -> NearestP
     shifts = problem.motion.shift_vectors(problem.movable.seed, problem.static.seed) / problem.weights[:, None]
     rates = np.linalg.norm(normals @ shifts.T, axis=1)
     far = rates >= (1.0 - DEFAULT.snap) * rates.max()
-    return alike[int(np.where(far, normals @ normals.sum(axis=0), -np.inf).argmax())]
+    middle = alike[int(np.where(far, normals @ normals.sum(axis=0), -np.inf).argmax())]
+    mean = np.unique(normals[far].round(9), axis=0).mean(axis=0)
+    return middle._replace(normal=mean) if norms(mean) > APART else middle
 
 
 def flat_contacts(problem: Problem) -> list[Feature]:

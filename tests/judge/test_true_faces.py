@@ -5,6 +5,7 @@ import pytest
 
 import fcdm_opt as fo
 from fcdm_opt.geometry.patches import true_faces
+from fcdm_opt.judge.face_kernels import is_on_face
 from fcdm_opt.judge.true_faces import _There
 
 
@@ -15,12 +16,13 @@ def test_points_on_the_chords_of_a_bore_are_not_on_the_plane_that_it_opens_in(fa
     bore = fo.Cylinder(5.4, 14, base=(-21.1, 0.3, -7), facets=facets)
     plate = _There(true_faces(fo.cut(fo.Box((80, 40, 10)), bore)), 1.0, np.eye(4))
     top = next(k for k, own in enumerate(plate.surfaces.axis) if own[2] > 0.5 and not plate.is_round[k])
-    _, start, end, *_ = plate._bent_edges(top)
+    begin, end = plate.bent_begin[top : top + 2]
+    start, end = plate.bent_chords[begin:end].transpose(1, 0, 2)
     assert len(start) == facets
     chord = np.linspace(0.02, 0.98, 49)[:, None, None] * (end - start) + start
     for outside in (-1e-15, 0.0, 1e-15):  # rounding leaves them on either side
         feet = chord.reshape(-1, 3) + outside * (chord.reshape(-1, 3) - np.array([-21.1, 0.3, 5.0]))
-        assert not plate.has(top, feet, 1e-10).any()
+        assert not any(is_on_face(plate.packed, top, tuple(foot), False, 1e-10) for foot in feet.tolist())
 
 
 def bosses(apart: float, **more) -> fo.Problem:
