@@ -123,7 +123,7 @@ def _are_parallel(one, two):
 
 
 @kernel
-def _turned_to(p, one, beside, single, two):
+def _turned_to(p, one, edge_of, single, two):
     """Return a point of a cylinder, its rim or a sphere turned to where a parallel one, or another sphere, is nearest.
 
     Others stay, and those of concentric ones.
@@ -138,22 +138,22 @@ def _turned_to(p, one, beside, single, two):
         centre = _plus(centre, _dot(_minus(p, centre), axis), axis)
         away = _plus(away, -_dot(away, other), other)
         suited = one[7] == 0.0 and two[7] == 0.0 and _are_parallel(one, two)
-        suited = suited and (single or (beside[6] == 0.0 and _are_parallel(one, beside)))
+        suited = suited and (single or (edge_of[6] == 0.0 and _are_parallel(one, edge_of)))
     far = _length(away)
     return _plus(centre, -one[9] * two[10] / far, away) if suited and far > TIE * one[9] else p
 
 
 @kernel
-def _lowest(one, beside, single, two, start, extent):
+def _lowest(one, edge_of, single, two, start, extent):
     """Return the point of a patch, or of the curve between two, where the gap to another is least, from some start."""
-    p = onto_point(one, beside, single, start)
-    p = _turned_to(p, one, beside, single, two)
+    p = onto_point(one, edge_of, single, start)
+    p = _turned_to(p, one, edge_of, single, two)
     if not single:
-        p = _turned_to(p, beside, one, single, two)
+        p = _turned_to(p, edge_of, one, single, two)
     gap, pulled = gap_at(two, p)
     begun, trial = p, p
     for _ in range(STEPS):
-        n, m = gap_at(one, p)[1], gap_at(beside, p)[1]
+        n, m = gap_at(one, p)[1], gap_at(edge_of, p)[1]
         x, y = _dot(n, pulled), 0.0
         side = _cross(n, m)
         if single or _length(side) <= TINY:  # any direction along the face
@@ -173,7 +173,7 @@ def _lowest(one, beside, single, two, start, extent):
             a, c, b = a * cos * cos + c * sin * sin, a * sin * sin + c * cos * cos, 2.0 * b * sin * cos
             a, c = a + b, c - b
         else:
-            a -= y * bend_at(beside, p, u, u)
+            a -= y * bend_at(edge_of, p, u, u)
             v = (0.0, 0.0, 0.0)
         g, h = _dot(u, pulled), _dot(v, pulled)
         if max(abs(g), abs(h)) <= LEVEL or _length(_minus(p, begun)) > STRAYED * extent:
@@ -184,7 +184,7 @@ def _lowest(one, beside, single, two, start, extent):
         last = fewer * (g * s + h * t) <= ROUNDED * extent  # after it gaps are the same but for rounding
         less, share = False, 1.0
         for _ in range(FEWER):
-            trial = onto_point(one, beside, single, _plus(p, share, move))
+            trial = onto_point(one, edge_of, single, _plus(p, share, move))
             its, normal = gap_at(two, trial)
             less = its < gap
             if less or last:
@@ -372,9 +372,9 @@ def nearest(points, on, against, own, other, round_ones, band):
 
 
 @step
-def _to_nearest(at, along, beside, other):
+def _to_nearest(at, along, second, other):
     """Return where two straight lines, through points along directions, are nearest, in multiples of these."""
-    off, product = _minus(beside, at), _dot(along, other)
+    off, product = _minus(second, at), _dot(along, other)
     a, b, c, d = _dot(along, along), _dot(other, other), _dot(off, along), _dot(off, other)
     whole = max(a * b - product * product, TINY)  # far away for parallel ones
     return (b * c - product * d) / whole, (product * c - a * d) / whole

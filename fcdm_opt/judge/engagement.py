@@ -29,10 +29,11 @@ from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.geometry.bodies import Body
 from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facets import facets_of
-from fcdm_opt.geometry.solids import PlacedSolids, depth_as_drawn, kept_as_surface
+from fcdm_opt.geometry.solids import PlacedSolids, contains, depth_as_drawn, kept_as_surface
 from fcdm_opt.judge.passing import Sizes, passes, past_after, stay_divided
 from fcdm_opt.problem.fit import (
     REST,
+    Misfit,
     drawn_bodies,
     hair_of,
     holds,
@@ -219,7 +220,31 @@ def _any_comes_off(problem: Problem, T: Array) -> bool:
     if found is None or corners is None:
         return False
     sides = zip(drawn, bodies, found.faces, found.parts, corners, strict=True)
-    return _comes_off(problem, T, [_walls(*own) for own in sides], past=problem.motion.shifts)
+    off = _comes_off(problem, T, [_walls(*own) for own in sides], past=problem.motion.shifts)
+    return off and not _stays_between(problem, T, found)
+
+
+def _stays_between(problem: Problem, T: Array, found: Misfit) -> bool:
+    """Tell whether both walls of a part that is too wide have the other right next to them after a motion.
+
+    A key that is raised off the fillets of its keyway is in it still, unlike a collar off its seat.
+    """
+    inside, scales, made = found.inside, problem.target.tolist(), (problem.movable, problem.static)
+    own, other, faces = made[inside], made[1 - inside], found.faces[inside]
+    if len(own.vertices) != len(drawn_bodies(problem)[inside].vertices):
+        return False
+    pose, lack = np.linalg.inv(T) if inside else T, found.inner - found.outer
+    outward = (0.5 - inside) * lack * np.array(found.normal)  # of the first wall
+    for face, side in zip(faces, (1.0, -1.0), strict=True):
+        if face is None:
+            return False
+        corners = own.vertices[np.array(face.vertices) - 1]
+        corners = corners + HELD_SHARE * (corners.mean(axis=0) - corners)
+        there = own.seed + scales[inside] * (corners - own.seed) + side * outward
+        there = there @ pose[:3, :3].T + pose[:3, 3]
+        if not contains(other, other.seed + (there - other.seed) / scales[1 - inside]).any():
+            return False
+    return True
 
 
 def _alike(drawn: Body, made: Body) -> tuple[Array, Array]:

@@ -62,7 +62,7 @@ def _walls(problem: Problem, most: float) -> tuple[Array, Ints]:
     return _walls_of(drawn, tuple(problem.nominal_pair.tolist()), float(alike), DEFAULT.snap * problem.size)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _walls_of(drawn: tuple[Body, Body], nominal: tuple[float, float], most: float, slack: float) -> tuple[Array, Ints]:
     movable, static = drawn
     kept = _near_parts(drawn, np.array(nominal), most + slack)
@@ -234,7 +234,7 @@ class Misfit(NamedTuple):
     wider: Misfit | None = None
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def misfit(problem: Problem) -> Misfit | None:
     """Return by which widths the parts made do not go together as drawn; None where no two walls tell.
 

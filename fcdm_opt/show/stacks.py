@@ -286,9 +286,11 @@ def _print_yield(stack: StackUp, share: GapYield, *, usual: bool) -> None:
         shares = f"{low if low == high else f'between {low} and {high}'}, and " * limited
         ends = f"{signed(worst.least_low)} to {measured(signed(worst.largest_high), unit)}"
         print_text(f"of the true parts {shares}worst cases from {ends}")
+    least, most = share.interval
+    room = RARE + (most - least) / 2.0  # beyond twice that interval chance alone goes once in 10^4 times
     if note := another_decides(spread):
         print_text(note)
-    elif usual and not share.interval[0] - RARE <= spread.share <= share.interval[1] + RARE:
+    elif usual and not least - room <= spread.share <= most + room:
         print_text("root sum square takes the gap as normal, which it is not: trust the pairs drawn")
     print_text()
 

@@ -1017,3 +1017,27 @@ def test_a_block_sensed_too_deep_in_its_corner_was_sent_through_the_floor() -> N
     asked = {"target": (1, 1), "goal": "clear", "clearance": 0.05, "limits": {"TX": (-0.3, 0.3)}}
     for block in (sensed, sensed.moved(fo.Rotation("z").transform([0.03], sensed.seed, corner.seed))):
         assert fo.solve(fo.Problem(block, corner, motion=motion, **asked)).status is Status.OUTSIDE_FIT
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("chamfer", "radius"), [(0.4, 0.6), (0.3, 0.5), (0.2, 0.6)])
+def test_a_key_raised_off_the_fillets_of_its_keyway_was_said_to_leave_it(chamfer: float, radius: float) -> None:
+    """Its chamfer is smaller than the fillets: the lower corner of its side goes up to where a fillet begins."""
+    a = 4.0
+    outline = [(-a + chamfer, 0), (a - chamfer, 0), (a, chamfer), (a, 7), (-a, 7), (-a, chamfer)]
+    upright = np.array([[1, 0, 0, 0], [0, 0, -1, 15], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    key = fo.Prism(outline, 30, name="key").moved(upright)
+    tools = [fo.Box((8 - 2 * radius, 70, 20), centre=(0, 0, 10)), fo.Box((8, 70, 20), centre=(0, 0, 10 + radius))]
+    tools += [fo.Cylinder(radius, 70, base=(side * (a - radius), -35, radius), axis="y", facets=24) for side in (-1, 1)]
+    shaft = fo.cut(fo.Box((24, 60, 18), centre=(0, 0, -5)), *tools, name="shaft")
+    found = fo.solve(fo.Problem(key, shaft, target=(1.0, 1.0), goal="clear", motion=UP))
+    assert found.usable
+    # where a fillet begins it leaves the wall by less than parts may overlap
+    assert found.amount == pytest.approx(radius - chamfer, abs=math.sqrt(2.0 * radius * found.problem.contact_slack))
+
+
+def test_a_key_wider_than_its_keyway_leaves_it() -> None:
+    """Its sides have nothing beside them when it is clear."""
+    shaft = fo.cut(fo.Box((24, 60, 18), centre=(0, 0, -5)), fo.Box((8, 70, 20), centre=(0, 0, 10)), name="shaft")
+    key = fo.Box((8.1, 30, 7), centre=(0, 0, 3.5), name="key")
+    assert fo.solve(fo.Problem(key, shaft, target=(1.0, 1.0), goal="clear", motion=UP)).status is Status.OUTSIDE_FIT

@@ -14,6 +14,7 @@ from fcdm_opt import pacing
 from fcdm_opt.errors import InputError
 from fcdm_opt.geometry.arrays import Array
 from fcdm_opt.model.task import Task
+from fcdm_opt.model.true_faces import has_round_faces
 from fcdm_opt.problem.problem import TRACKING, Problem
 from fcdm_opt.problem.solution import Solution
 from fcdm_opt.show.report.frames import Frames
@@ -33,13 +34,19 @@ have no answer there. Of small bodies, some seconds; fewer of bodies with many c
 
 LEAST, CORNERS, CASES = 3, 160, 4
 """Frames that a family has at least; corners of both bodies, and cases of a report, up to which it has all of them."""
+ROUND = 0.3  # of these where round faces take part, for which each answer takes several times as long
 
 
 def frames_of(problem: Problem, cases: int) -> float:
-    """Return the share of its frames that a family has: fewer of bodies with many corners, and of many cases."""
+    """Return the share of its frames that a family has: fewer of round parts, of many corners, and of many cases."""
     if problem.partial:
         return 0.0
-    return min(1.0, CORNERS / (len(problem.movable.corners) + len(problem.static.corners))) * min(1.0, CASES / cases)
+    share = ROUND if has_round_faces(problem) else 1.0
+    return (
+        share
+        * min(1.0, CORNERS / (len(problem.movable.corners) + len(problem.static.corners)))
+        * min(1.0, CASES / cases)
+    )
 
 
 def tolerance_family(frames: Frames, problem: Problem, solution: Solution, share: float) -> dict[str, Any] | None:

@@ -21,6 +21,7 @@ from fcdm_opt.show.scene import shifts_of, view_of
 from fcdm_opt.show.solved import solved_case
 from fcdm_opt.show.stacks import commented_out_sizes
 from fcdm_opt.show.texts import tolerance_text
+from fcdm_opt.show.verdict import fit_text
 from fcdm_opt.solver import solve
 from fcdm_opt.tolerances import DEFAULT, meanings
 
@@ -77,6 +78,7 @@ def gather(
     for problem in asked:
         with suppress(Exception), pacing.telling():  # what fails is told of the case, which asks anew
             facets_known(problem)
+            fit_text(problem)
             view_of(problem.curve, tuple(problem.nominal_pair.tolist()), shifts_of(problem))
     pacing.at("solving and drawing the cases before it")
     listed, known, cases, interrupted = answered_in_turn(files, case, say, refuse)
