@@ -123,7 +123,7 @@ def _are_parallel(one, two):
 
 
 @kernel
-def _turned_to(p, one, edge_of, single, two):
+def _turned_to(p, one, next_to, single, two):
     """Return a point of a cylinder, its rim or a sphere turned to where a parallel one, or another sphere, is nearest.
 
     Others stay, and those of concentric ones.
@@ -138,22 +138,22 @@ def _turned_to(p, one, edge_of, single, two):
         centre = _plus(centre, _dot(_minus(p, centre), axis), axis)
         away = _plus(away, -_dot(away, other), other)
         suited = one[7] == 0.0 and two[7] == 0.0 and _are_parallel(one, two)
-        suited = suited and (single or (edge_of[6] == 0.0 and _are_parallel(one, edge_of)))
+        suited = suited and (single or (next_to[6] == 0.0 and _are_parallel(one, next_to)))
     far = _length(away)
     return _plus(centre, -one[9] * two[10] / far, away) if suited and far > TIE * one[9] else p
 
 
 @kernel
-def _lowest(one, edge_of, single, two, start, extent):
+def _lowest(one, next_to, single, two, start, extent):
     """Return the point of a patch, or of the curve between two, where the gap to another is least, from some start."""
-    p = onto_point(one, edge_of, single, start)
-    p = _turned_to(p, one, edge_of, single, two)
+    p = onto_point(one, next_to, single, start)
+    p = _turned_to(p, one, next_to, single, two)
     if not single:
-        p = _turned_to(p, edge_of, one, single, two)
+        p = _turned_to(p, next_to, one, single, two)
     gap, pulled = gap_at(two, p)
     begun, trial = p, p
     for _ in range(STEPS):
-        n, m = gap_at(one, p)[1], gap_at(edge_of, p)[1]
+        n, m = gap_at(one, p)[1], gap_at(next_to, p)[1]
         x, y = _dot(n, pulled), 0.0
         side = _cross(n, m)
         if single or _length(side) <= TINY:  # any direction along the face
@@ -173,7 +173,7 @@ def _lowest(one, edge_of, single, two, start, extent):
             a, c, b = a * cos * cos + c * sin * sin, a * sin * sin + c * cos * cos, 2.0 * b * sin * cos
             a, c = a + b, c - b
         else:
-            a -= y * bend_at(edge_of, p, u, u)
+            a -= y * bend_at(next_to, p, u, u)
             v = (0.0, 0.0, 0.0)
         g, h = _dot(u, pulled), _dot(v, pulled)
         if max(abs(g), abs(h)) <= LEVEL or _length(_minus(p, begun)) > STRAYED * extent:
@@ -184,7 +184,7 @@ def _lowest(one, edge_of, single, two, start, extent):
         last = fewer * (g * s + h * t) <= ROUNDED * extent  # after it gaps are the same but for rounding
         less, share = False, 1.0
         for _ in range(FEWER):
-            trial = onto_point(one, edge_of, single, _plus(p, share, move))
+            trial = onto_point(one, next_to, single, _plus(p, share, move))
             its, normal = gap_at(two, trial)
             less = its < gap
             if less or last:

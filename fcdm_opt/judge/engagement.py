@@ -239,10 +239,11 @@ def _stays_between(problem: Problem, T: Array, found: Misfit) -> bool:
         if face is None:
             return False
         corners = own.vertices[np.array(face.vertices) - 1]
-        corners = corners + HELD_SHARE * (corners.mean(axis=0) - corners)
-        there = own.seed + scales[inside] * (corners - own.seed) + side * outward
+        points = corners + HELD_SHARE * (corners.mean(axis=0) - corners)
+        there = own.seed + scales[inside] * (points - own.seed) + side * outward
         there = there @ pose[:3, :3].T + pose[:3, 3]
-        if not contains(other, other.seed + (there - other.seed) / scales[1 - inside]).any():
+        next_to = contains(other, other.seed + (there - other.seed) / scales[1 - inside])
+        if not (next_to & contains(own, points - side * outward)).any():  # a face need not be convex
             return False
     return True
 
