@@ -19,6 +19,7 @@ from fcdm_opt import pacing
 from fcdm_opt.compiling import kernel, light, step
 from fcdm_opt.geometry.arrays import Array, Ints
 from fcdm_opt.geometry.bodies import ConvexPart
+from fcdm_opt.geometry.vectors import _cross, _dot, _minus, _plus
 from fcdm_opt.tolerances import DEFAULT
 
 UNIT, OFFSET, TURN, FRAME = 2, 3, 6, 15  # places in a frame, after the scales; its length
@@ -603,27 +604,6 @@ def _dots(u: Array, v: Array) -> Array:
 
 def _lengths(u: Array) -> Array:
     return np.asarray(np.sqrt(_dots(u, u)))
-
-
-@step
-def _dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@step
-def _cross(u, v):
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-
-
-@step
-def _minus(u, v):
-    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
-
-
-@step
-def _plus(u, s, v):
-    """Return u + s v."""
-    return u[0] + s * v[0], u[1] + s * v[1], u[2] + s * v[2]
 
 
 @step

@@ -16,8 +16,7 @@ import math
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.geometry.judging import _cross, _dot, _minus, _plus
-from fcdm_opt.geometry.tessellation import TANGENT
+from fcdm_opt.geometry.vectors import _cross, _dot, _minus, _plus
 from fcdm_opt.tolerances import DEFAULT
 
 ONTO = 8  # steps of Newton's method onto one or two surfaces
@@ -30,6 +29,7 @@ ROUNDED = 1e-15  # of a length over that of the piece looked at: by how much a g
 LEVEL = 1e-13  # slope of the gap along a face under which it is least
 BOWED = 1.5  # times what the middle of a chord leaves its edge, any point of it does at most
 RIM_SLACK = 1e-7  # of a triangle's sides: how far beside it a point may be that it stands for
+TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
 TIE, PARALLEL, BETWEEN = DEFAULT.tie, DEFAULT.nominal, DEFAULT.sharp
 TINY = 2.2250738585072014e-308
 
@@ -115,6 +115,32 @@ def onto_point(one, two, single, p):
         if max(abs(g), abs(h)) < ONTO_ROUNDING * max(abs(p[0]), abs(p[1]), abs(p[2])):
             break
     return p
+
+
+@kernel
+def onto_each(points, patches, which):
+    """Return points (n, 3) moved the nearest way onto one or two patches each, by their numbers, (n, 1) or (n, 2)."""
+    found = np.empty(points.shape)
+    for i in range(len(points)):
+        last = which.shape[1] - 1
+        p = onto_point(patches[which[i, 0]], patches[which[i, last]], last == 0, _vector(points, i))
+        found[i, 0], found[i, 1], found[i, 2] = p
+    return found
+
+
+@kernel
+def gaps_of_each(points, patches, which):
+    """Return how far points (n, 3) are off some patches each, by numbers (n, m), and the normals, (n, m, 3).
+
+    Zeros where the number is -1.
+    """
+    gaps, normals = np.zeros(which.shape), np.zeros((*which.shape, 3))
+    for i in range(len(points)):
+        for k in range(which.shape[1]):
+            if which[i, k] >= 0:
+                gaps[i, k], normal = gap_at(patches[which[i, k]], _vector(points, i))
+                normals[i, k, 0], normals[i, k, 1], normals[i, k, 2] = normal
+    return gaps, normals
 
 
 @step

@@ -23,14 +23,17 @@ from fcdm_opt.geometry.elements import Element
 from fcdm_opt.geometry.facet_errors import deviation_of, round_surfaces
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals, units
 from fcdm_opt.geometry.naming import rows_of_element
-from fcdm_opt.geometry.patch_kernels import RIM_SLACK, beyond_chords, is_outside, lowest, nearest, nearest_on_edges
-from fcdm_opt.geometry.polygons import Sides, distances
-from fcdm_opt.geometry.tessellation import (
-    Number,
-    Swept,
+from fcdm_opt.geometry.patch_kernels import (
+    RIM_SLACK,
+    beyond_chords,
+    is_outside,
+    lowest,
+    nearest,
+    nearest_on_edges,
     onto_each,
-    surfaces_of_triangles,
 )
+from fcdm_opt.geometry.polygons import Sides, distances
+from fcdm_opt.geometry.tessellation import Swept, numbers_of, surfaces_of_triangles
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
@@ -44,25 +47,16 @@ class Patch(NamedTuple):
 
     surface: Swept  # in the body's frame as drawn
     # 1 where the material is on the side that the surface bends to, or below a plane; -1 else, as of a bore
-    side: Number
-
-    @classmethod
-    def stacked(cls, patches: Sequence[Patch]) -> Patch:
-        """Return patches as one, with a surface and a side for each point that is asked about: see `Swept.stacked`."""
-        return cls(Swept.stacked([own.surface for own in patches]), np.array([own.side for own in patches]))
-
-    def at_rows(self, rows: Ints) -> Patch:
-        """Return some of several patches."""
-        return Patch(self.surface.at_rows(rows), self.side[rows])
+    side: float
 
     def gaps(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (n, 3) are off the face, outside positive, and the outward normals there."""
         off, normals = self.surface.misses(points)
-        return self.side * off, np.asarray(self.side)[..., None] * normals
+        return self.side * off, self.side * normals
 
     def bends(self, points: Array) -> Array:
         """Return the second derivatives of the gaps, (n, 3, 3)."""
-        return np.asarray(self.side)[..., None, None] * self.surface.bends(points)
+        return self.side * self.surface.bends(points)
 
     @property
     def concave(self) -> bool:
@@ -150,7 +144,7 @@ class TrueFaces:
         """Return the same faces elsewhere: each patch, and the triangles that stand for them."""
         other = copy(self)
         other.patches, other.corners = tuple(patches), corners
-        for known in ("_boxes", "off_triangles", "_bows", "rims", "chords", "numbers"):
+        for known in ("_boxes", "off_triangles", "_bows", "rims", "chords", "numbers", "packed"):
             other.__dict__.pop(known, None)
         other._join(unit_normals(corners))
         return other
@@ -216,8 +210,7 @@ class TrueFaces:
     def _bows(self) -> Array:
         """From the middle of each chord between two patches to the edge that it stands for, (m, 3)."""
         middles = self.every_edge.mean(axis=1)
-        surfaces = [own.surface for own in self.patches]
-        return onto_each(middles, surfaces, self.every_pair_of_patches) - middles
+        return onto_each(middles, self.numbers, self.every_pair_of_patches) - middles
 
     @cached_property
     def rims(self) -> dict[tuple[int, int], Rim]:
@@ -251,12 +244,14 @@ class TrueFaces:
     @cached_property
     def numbers(self) -> Array:
         """The patches as compiled code takes them, (p, 11): see `patch_kernels`."""
-        return np.array(
-            [
-                [*own.origin, *own.axis, *(own.line or (np.nan, np.nan)), own.ring, own.radius, side]
-                for own, side in self.patches
-            ]
-        )
+        found = numbers_of([own.surface for own in self.patches])
+        found[:, -1] = [own.side for own in self.patches]
+        return found
+
+    @cached_property
+    def packed(self) -> tuple[Any, ...]:
+        """All of it as drawn as compiled code takes it: see `patch_kernels`."""
+        return _Placed(self, 1.0, np.eye(4)).packed
 
     @property
     def holes(self) -> list[tuple[int, int]]:
@@ -267,7 +262,7 @@ class TrueFaces:
         """Tell which pieces of a plane face, (n, m, 3), are between a chord of a hole's rim and the rim, (n,)."""
         # nothing is there. `near`: how far beyond the rim corners may be
         own = np.flatnonzero((self.chords[1] == (plane, hole)).all(axis=1))
-        beyond = beyond_chords(_Placed(self, 1.0, np.eye(4)).packed, corners.reshape(-1, 3), own, near)
+        beyond = beyond_chords(self.packed, corners.reshape(-1, 3), own, near)
         whole = np.asarray(beyond.reshape(*corners.shape[:2], len(own)).all(axis=1))
         return np.asarray(whole.any(axis=1))
 

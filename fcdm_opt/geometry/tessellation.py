@@ -14,6 +14,7 @@ import numpy as np
 
 from fcdm_opt.geometry.arrays import Array, Ints, distinct_rows
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units, volume_and_centroid
+from fcdm_opt.geometry.patch_kernels import TANGENT, gaps_of_each, onto_each
 from fcdm_opt.geometry.polygons import components, offsets_from
 from fcdm_opt.tolerances import DEFAULT
 
@@ -21,28 +22,21 @@ TESSELLATED = "triangles leave its curved faces"  # so begins the note of a body
 CUTS = 8  # of a side of a triangle on a torus, at whose corners it is looked at
 SPLITS = 1, 2, 4, 8  # of the sides of triangles, from which the true volume is extrapolated
 ALONG = 0.7  # cosine: triangles of a surface are turned against it by less
-TANGENT = 1e-9  # square of the angle at which two surfaces that share an edge are smooth there
 NEWTON_STEPS = 4  # to a corner on true faces, from one that is off by a tolerance
 SMOOTH = 0.002  # radians, about: faces that turn into each other by less say nothing of where along them a corner is
 _TINY = float(np.finfo(float).tiny)
 
 
-Number = Any  # a number, or an array with one for each of several surfaces
-
-
 class Swept(NamedTuple):
-    """A surface of revolution, as the zeros of its signed distance; length units of the file's reader.
-
-    Or several of one kind, line or circle, one for each point that is asked about: see `stacked`.
-    """
+    """A surface of revolution, as the zeros of its signed distance; length units of the file's reader."""
 
     origin: Array  # a point of the axis and its unit direction, (3,)
     axis: Array
     # swept by the line `line[0]` u - `line[1]` h = `radius`, where u is the distance from the axis and h that along it:
     # a cylinder (1, 0), a cone (cos, sin), a plane (0, -1). None: by a circle
-    line: tuple[Number, Number] | None
-    ring: Number  # by the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0
-    radius: Number
+    line: tuple[float, float] | None
+    ring: float  # by the circle of this radius about (`ring`, 0): a torus, or a sphere with `ring` 0
+    radius: float
 
     @property
     def flat(self) -> bool:
@@ -68,26 +62,13 @@ class Swept(NamedTuple):
             given.get("minor_radius", given.get("radius", 0.0)),
         )
 
-    @classmethod
-    def stacked(cls, surfaces: Sequence[Self]) -> Self:
-        """Return surfaces, all swept by lines or all by circles, as one whose attributes have a row for each."""
-        origin, axis, line, ring, radius = (np.array(own) for own in zip(*surfaces, strict=True))
-        return cls(origin, axis, None if surfaces[0].line is None else (line[:, 0], line[:, 1]), ring, radius)
-
-    def at_rows(self, rows: Ints) -> Self:
-        """Return some of several surfaces."""
-        line = None if self.line is None else (self.line[0][rows], self.line[1][rows])
-        return self._replace(
-            origin=self.origin[rows], axis=self.axis[rows], line=line, ring=self.ring[rows], radius=self.radius[rows]
-        )
-
     def misses(self, points: Array) -> tuple[Array, Array]:
         """Return how far points (n, 3) are off the surface, away from axis or tube positive, and unit normals there."""
         along, across, far = self.about(points)
         outward = across / np.maximum(far, _TINY)[:, None]
         if self.line is not None:
-            c, s = (np.asarray(own)[..., None] for own in self.line)
-            return c[..., 0] * far - s[..., 0] * along - self.radius, c * outward - s * self.axis
+            c, s = self.line
+            return c * far - s * along - self.radius, c * outward - s * self.axis
         tube = far - self.ring
         long = np.hypot(tube, along)
         radial = tube[:, None] * outward + along[:, None] * self.axis
@@ -326,7 +307,7 @@ def _extrapolated(corners: Array, rows: Ints, rounds: RoundFaces, measure: Calla
                 about, moved = np.where(turned[one], one, two)[found], points[found[:, None], places]
                 near = _about_axes(moved, corners[found], shares[places] / n, axes[:, about])
                 near = np.where(turned[about, None, None], near, moved).reshape(-1, 3)
-                there = onto_each(near, surfaces, np.repeat(pairs[found], len(places), axis=0))
+                there = onto_each(near, numbers_of(surfaces), np.repeat(pairs[found], len(places), axis=0))
                 points[found[:, None], places] = there.reshape(moved.shape)
         number = {tuple(own): k for k, own in enumerate(shares.tolist())}
         small = [
@@ -418,30 +399,10 @@ def onto(points: Array, surfaces: Sequence[Swept]) -> Array:
     return points
 
 
-def onto_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> Array:
-    """Return points (n, 3) moved the nearest way onto one or two surfaces each, by their numbers, (n, 1) or (n, 2)."""
-    found, circle = points.copy(), np.array([own.line is None for own in surfaces])
-    place = np.where(circle, np.cumsum(circle), np.cumsum(~circle)) - 1
-    kinds = {kind: [own for own in surfaces if (own.line is None) == kind] for kind in (False, True)}
-    stacked = {kind: Swept.stacked(own) for kind, own in kinds.items() if own}
-    for kind in np.unique(circle[which], axis=0):
-        rows = np.flatnonzero((circle[which] == kind).all(axis=1))
-        own = [stacked[bool(each)].at_rows(place[which[rows, k]]) for k, each in enumerate(kind)]
-        found[rows] = onto(points[rows], own)
-    return found
-
-
-def misses_of_each(points: Array, surfaces: Sequence[Swept], which: Ints) -> tuple[Array, Array]:
-    """Return how far points (n, 3) are off some surfaces each, by their numbers (n, m), and the normals, (n, m, 3)."""
-    # zeros where the number is -1
-    gaps, normals, circle = np.zeros(which.shape), np.zeros((*which.shape, 3)), [own.line is None for own in surfaces]
-    for kind in {*circle}:
-        own = np.flatnonzero(np.array(circle) == kind)
-        asked = np.isin(which, own)
-        rows, each = np.nonzero(asked)[0], np.searchsorted(own, which[asked])
-        its = Swept.stacked([surfaces[k] for k in own.tolist()]).at_rows(each)
-        gaps[asked], normals[asked] = its.misses(points[rows])
-    return gaps, normals
+def numbers_of(surfaces: Sequence[Swept]) -> Array:
+    """Return surfaces as compiled code takes them, away from axis or tube positive, (n, 11): see `patch_kernels`."""
+    each = [[*own.origin, *own.axis, *(own.line or (np.nan, np.nan)), own.ring, own.radius, 1.0] for own in surfaces]
+    return np.array(each, float).reshape(-1, 11)
 
 
 def onto_crossings(
@@ -463,8 +424,8 @@ def onto_crossings(
     """
     most, (before, surfaces), found = max(map(len, meeting), default=0), sides, places.copy()
     which = np.array([[*own, *[-1] * (most - len(own))] for own in meeting], np.int64).reshape(len(places), most)
-    kept = misses_of_each(drawn, before, which)[0]
-    gaps, normals = misses_of_each(places, surfaces, which)
+    kept, numbers = gaps_of_each(drawn, numbers_of(before), which)[0], numbers_of(surfaces)
+    gaps, normals = gaps_of_each(places, numbers, which)
     cosines = normals @ normals.transpose(0, 2, 1)
     signs = np.sign(cosines)
     apart = (gaps - kept)[:, :, None] - signs * (gaps - kept)[:, None]
@@ -479,9 +440,9 @@ def onto_crossings(
             side = math.copysign(1.0, (middles[which[row, curved]] - places[row]) @ along)
             found[row] += side * math.sqrt(-2.0 * apart[row, i, j] / rate) * along
     for _ in range(NEWTON_STEPS):
-        gaps, normals = misses_of_each(found, surfaces, which)
+        gaps, normals = gaps_of_each(found, numbers, which)
         found -= (np.linalg.pinv(normals, rcond=SMOOTH) @ (gaps - kept)[..., None])[..., 0]
-    return found, np.abs(misses_of_each(found, surfaces, which)[0] - kept).max(axis=1, initial=0.0)
+    return found, np.abs(gaps_of_each(found, numbers, which)[0] - kept).max(axis=1, initial=0.0)
 
 
 def inverse_of(products: Array) -> Array:

@@ -17,9 +17,10 @@ from fcdm_opt import pacing
 from fcdm_opt.geometry.arrays import SMALLEST, Array, Flags, Ints, distinct_rows
 from fcdm_opt.geometry.crossings import overlapping_between
 from fcdm_opt.geometry.measures import cross, dots, norms, unit_normals
+from fcdm_opt.geometry.patch_kernels import gaps_of_each, onto_each
 from fcdm_opt.geometry.patches import Patch, TrueFaces
 from fcdm_opt.geometry.polygons import distances
-from fcdm_opt.geometry.tessellation import Swept, misses_of_each, onto_each
+from fcdm_opt.geometry.tessellation import Swept, numbers_of
 from fcdm_opt.tolerances import DEFAULT
 
 SHARE = 0.2  # of the distance: by so much the bound may fall short of it
@@ -53,9 +54,9 @@ class FacePieces(NamedTuple):
         others = np.full((len(faces.corners), 3), -1)
         _, same = distinct_rows(np.concatenate([faces.corners.reshape(-1, 3), faces.every_edge.reshape(-1, 3)]))
         corners, ends = np.split(same, [3 * len(faces.corners)])
-        known, surfaces = dict[tuple[int, int, int], int](), [own.surface for own in faces.patches]
+        known, surfaces = dict[tuple[int, int, int], int](), numbers_of([own.surface for own in faces.patches])
         pairs = faces.every_pair_of_patches  # of which some were tangent, and sizes moved them apart: each ends there
-        off, normals = misses_of_each(faces.every_edge.reshape(-1, 3), surfaces, np.repeat(pairs, 2, axis=0))
+        off, normals = gaps_of_each(faces.every_edge.reshape(-1, 3), surfaces, np.repeat(pairs, 2, axis=0))
         apart = (np.abs(off) > faces.slack).any(axis=1) & (norms(cross(*normals.swapaxes(0, 1))) < ASLANT)
         on = np.all(np.reshape(~apart, (-1, 2)), axis=1).tolist()
         for (a, b), pair, meet in zip(ends.reshape(-1, 2).tolist(), pairs.tolist(), on, strict=True):
@@ -84,7 +85,7 @@ class FacePieces(NamedTuple):
             errors[own] = patches[k].surface.deviations(self.corners[own]).max(axis=1)
         middles, on = self.middles(patches), (self.corners + np.roll(self.corners, -1, axis=1)) / 2.0
         of_each = np.repeat(self.patches, 3)[:, None]
-        on = onto_each(on.reshape(-1, 3), [own.surface for own in patches], of_each).reshape(-1, 3, 3)
+        on = onto_each(on.reshape(-1, 3), numbers_of([own.surface for own in patches]), of_each).reshape(-1, 3, 3)
         trimmed = TRIM * np.where(self.others >= 0, norms(middles - on), 0.0)
         axes, flat = np.array([own.surface.axis for own in patches]), np.array([own.surface.flat for own in patches])
         straight = np.array([own.surface.line == (1.0, 0.0) for own in patches])  # cylinders
@@ -136,7 +137,7 @@ class FacePieces(NamedTuple):
         """Return a point of the surface, or of the edge, at the middle of each side, (n, 3, 3)."""
         found = ((self.corners + np.roll(self.corners, -1, axis=1)) / 2.0).reshape(-1, 3)
         pairs = np.column_stack([np.repeat(self.patches, 3), self.others.ravel()])
-        surfaces = [p.surface for p in patches]
+        surfaces = numbers_of([own.surface for own in patches])
         edge = pairs[:, 1] >= 0
         found[edge] = onto_each(found[edge], surfaces, pairs[edge])
         found[~edge] = onto_each(found[~edge], surfaces, pairs[~edge, :1])

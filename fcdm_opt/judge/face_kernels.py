@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from fcdm_opt.compiling import kernel, step
-from fcdm_opt.geometry.judging import _cross, _dot, _minus, _plus
+from fcdm_opt.geometry.vectors import _cross, _dot, _minus, _plus
 
 TIMES_ONTO = 8  # that points are brought onto two surfaces
 ROUNDING = 1e-12  # of areas, and of a chord how far off surfaces a point counts as on them
