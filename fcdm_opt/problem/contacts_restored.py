@@ -80,13 +80,15 @@ def balls_of(
     Scales of both bodies as drawn, at which they touch, and as made, (2,).
     """
     faces, normals = [true_faces(body) for body in drawn], (contact.normal, -contact.normal)
+    numbers = [*map(patches_made, drawn, made)]
     for pair in sorted(contact.pairs):
         before = [own.patches[k] for own, k in zip(faces, pair, strict=True)]
         met = zip(before, contact.points, normals, strict=True)
         if min(own.gaps(x[None])[1][0] @ n for own, x, n in met) < 1.0 - DEFAULT.nominal:  # at an edge of one of them
             continue
         feature = Feature(*(own.face_of(k) for own, k in zip(faces, pair, strict=True)))
-        after = [_patch_made(body, k, scale) for body, k, scale in zip(made, pair, scales.tolist(), strict=True)]
+        of_made = zip(made, numbers, pair, scales.tolist(), strict=True)
+        after = [_patch_made(body, own[k], scale) for body, own, k, scale in of_made]
         for k in (0, 1):
             ball, other = after[k], after[1 - k]
             if ball.surface.flat or ball.surface.ring or ball.side < 0.0:
@@ -181,7 +183,7 @@ def touching_again(problem: Problem) -> Problem | None:
         and (asked.motion.shifts or contact_balls(asked))
     ):
         return None
-    known, flat = {pair for own in asked.round_contacts for pair in own.pairs}, flat_contacts(asked)
+    known, flat = Pairs().union(*_pairs_made(asked)), flat_contacts(asked)
     for feature in (joint.feature for joint in asked.chosen_joints if joint.feature not in flat):
         if not known & _patches_met(asked, feature):  # facets may touch where true faces overlap
             return None
@@ -215,7 +217,7 @@ def unfollowed(problem: Problem) -> int:
     if len(asked.contacts) != len(asked.nominal_joints):
         return 0
     known = Pairs().union(*(_patches_met(asked, joint.feature) for joint in asked.chosen_joints))
-    return sum(not own.pairs & known for own in asked.round_contacts)
+    return sum(not pairs & known for pairs in _pairs_made(asked))
 
 
 def contact_balls(problem: Problem) -> list[BallOnFace]:
@@ -227,7 +229,7 @@ def _balls_of_each(asked: Problem) -> list[BallOnFace]:
     """Return the balls on faces that contacts as drawn are, plane ones too; none where one of them is not of such."""
     found = list[BallOnFace]()
     drawn, made = [*asked.drawn.values()], [*asked.bodies_made.values()]
-    if any(len(true_faces(x).patches) != len(true_faces(y).patches) for x, y in zip(drawn, made, strict=True)):
+    if not all(map(patches_made, drawn, made)):
         return found
     each = [balls_of(own, drawn, made, asked.nominal_pair, asked.target) for own in asked.round_contacts]
     each += [corners_on_plane(own, made, asked.target) for own in flat_contacts(asked)]
@@ -235,8 +237,8 @@ def _balls_of_each(asked: Problem) -> list[BallOnFace]:
 
 
 def _patches_met(problem: Problem, feature: Feature) -> Pairs:
-    """Return each two patches of the bodies as drawn that a contact's elements are of."""
-    sides = zip(problem.drawn.values(), (feature.one, feature.two), strict=True)
+    """Return each two patches of the bodies as made that a contact's elements are of."""
+    sides = zip(problem.bodies_made.values(), (feature.one, feature.two), strict=True)
     one, two = (patches_of_element(body, own) for body, own in sides)
     return {*product(one, two)}
 
@@ -514,11 +516,37 @@ def _is_plane(problem: Problem, met: NearestPoints) -> bool:
 def _met_as_drawn(problem: Problem) -> list[Pairs]:
     """Return which true faces touch as drawn, a round one among each two; none where sizes change which there are."""
     # each once, as those of a shaft that touches its bore all round
-    asked, found = problem.of_facets, list[Pairs]()
-    both = zip(asked.drawn.values(), asked.bodies_made.values(), strict=True)
-    if all(len(true_faces(x).patches) == len(true_faces(y).patches) for x, y in both):
-        for own in asked.round_contacts:
-            found += [{*own.pairs}] * (own.pairs not in found)
+    found = list[Pairs]()
+    for pairs in _pairs_made(problem.of_facets):
+        found += [pairs] * (pairs not in found)
+    return found
+
+
+def _pairs_made(asked: Problem) -> list[Pairs]:
+    """Return the true faces of each contact as drawn, by number among those made; see `patches_made`."""
+    one, two = map(patches_made, asked.drawn.values(), asked.bodies_made.values())
+    return [{(one[j], two[k]) for j, k in own.pairs} for own in asked.round_contacts if one and two]
+
+
+def patches_made(drawn: Body, made: Body) -> list[int]:
+    """Return the number, among the true faces of a body as made, of each as drawn; none where round ones came or went.
+
+    A plane face that was in two pieces, as sizes met in it, may be one of those made: the nearest that looks its way.
+    """
+    before, after = true_faces(drawn), true_faces(made)
+    if len(before.patches) == len(after.patches):
+        return [*range(len(before.patches))]
+    if before.is_round.sum() != after.is_round.sum():
+        return []
+    found, flat = list[int](), np.flatnonzero(~after.is_round)
+    planes = np.array([[*after.patches[k].surface.axis, *after.patches[k].surface.origin] for k in flat])
+    for k, patch in enumerate(before.patches):
+        if before.is_round[k]:
+            found.append(k)
+            continue
+        turned = norms(planes[:, :3] - patch.surface.axis)
+        off = np.abs((planes[:, 3:] - patch.surface.origin) @ patch.surface.axis)
+        found.append(int(flat[np.where(turned <= DEFAULT.sharp, off, np.inf).argmin()]))
     return found
 
 

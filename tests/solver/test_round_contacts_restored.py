@@ -403,3 +403,16 @@ def test_a_strap_over_a_pipe_of_another_size_in_bores_of_less_than_a_half() -> N
     thinner = fo.solve(fo.Assembly(parts, contacts, [size], motions, follows=follows, made={"pipe": -0.02}))
     assert thinner.usable
     assert thinner.amount < hypot(0.01, 0.02)
+
+
+def test_an_end_face_flush_with_a_rod_turned_its_exact_contact_off() -> None:
+    """The plane of the end is tangent to the rod as drawn, in two pieces, and one face where the rod is thinner."""
+    plate = fo.Box((140, 140, 10), centre=(0, 0, 10), name="plate")
+    rod = fo.Cylinder(5, 200, base=(-100, 0, 0), axis="x", facets=24)
+    held = fo.joined(rod, fo.Box((20, 20, 10), centre=(-110, 0, 0)), name="rod")
+    size = fo.Size("rod", "static", faces="cylinder radius 5", each=0.5, tolerance=(-0.009, 0))
+    asked = {"sizes": [size], "made": {"rod": -0.009}, "goal": "at", "contacts": "all", "motion": Z}
+    found = fo.solve(fo.Problem(plate, held, **asked))
+    assert found.parameters["TZ"] == pytest.approx(-0.0045, rel=1e-9)
+    assert found.usable
+    assert found.lower_bound == pytest.approx(0.0045, rel=1e-9)

@@ -308,7 +308,7 @@ def _sensitivities(solution: Solution) -> dict[str, Any] | None:
     derivatives = solution.sensitivity
     every = bars(derivatives, solution.problem)
     known, none = ([bar for bar in every if np.isfinite(bar.value) == good] for good in (True, False))
-    sizes = [bar for bar in known if bar.note in BY_NAME] or [bar for bar in known if bar.note in WHOLE]
+    sizes = [bar for bar in known if bar.note in (BY_NAME if solution.problem.sizes else WHOLE)]
     most = _most([bar for bar in sizes if bar.value], solution)
     text = "what a small change of each datum does to the least amount (first derivatives)"
     if not derivatives.exists:
