@@ -17,6 +17,7 @@ from ordinary import box, problems
 import fcdm_opt as fo
 from fcdm_opt import pacing
 from fcdm_opt.design.stack.stack_up import stack_up
+from fcdm_opt.design.whatif import budget as budget_module
 from fcdm_opt.design.whatif.budget import SMALLEST, Budget, End, _Point, _Tolerances, budget
 from fcdm_opt.design.whatif.fitting import Order, barred_text, order
 from fcdm_opt.design.whatif.whatif import whatif
@@ -594,3 +595,22 @@ def test_what_the_judge_refused_by_rounding_at_the_end_was_said_to_end_it() -> N
     assert found.tolerance == pytest.approx(0.2 + 0.1 * np.sqrt(2.0), rel=1e-6)
     assert found.end is End.MISFIT
     assert found.advice.startswith("does not fit: locator and board overlap by ")
+
+
+def test_widths_that_lack_less_than_parts_may_overlap_made_a_search_creep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where widths alone said that parts do not fit and the judge that they do, each step began another search."""
+    asked = list[int]()
+    real = budget_module.solve
+    monkeypatch.setattr(budget_module, "too_wide", lambda _: True)
+    monkeypatch.setattr(budget_module, "solve", lambda *own, **more: asked.append(1) or real(*own, **more))
+    plate = fo.cut(fo.Box((30, 30, 8)), fo.Box((6.02, 12, 20)), name="plate")
+    pin = fo.Box((6, 6, 20), name="pin")
+    walls = [{"through": (x, 0, 0)} for x in (-3.01, 3.01)]
+    sizes = [
+        fo.Size("pin", "movable", faces=["+x", "-x"], each=0.5, tolerance=(0.004, 0.012)),
+        fo.Size("slot", "static", faces=walls, each=-0.5, tolerance=(-0.01, 0.008)),
+    ]
+    motion = fo.Translation("x") >> fo.Translation("y")
+    problem = fo.Problem(pin, plate, goal="clear", motion=motion, sizes=sizes, made="worst")
+    assert fo.budget(problem, 0.02)["worst"].tolerance == pytest.approx(0.012 * 0.02 / 0.022, rel=1e-5)
+    assert len(asked) < 100

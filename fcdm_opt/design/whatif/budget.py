@@ -474,9 +474,12 @@ class _Tolerances:
 
     @cached_property
     def one_by_one(self) -> bool:
-        """Whether each corner is looked at by itself: of many, with an assembly to be solved at each."""
-        many = self.letter == "corners" and isinstance(self.problem, Assembly) and self.problem.shifts
-        return many and len(self.every) > 2**FEW
+        """Whether each corner is looked at by itself: of many, with an assembly or round parts to be solved at each."""
+        if self.letter != "corners" or not self.problem.shifts:
+            return False
+        if any(map(has_round_faces, self.problem.relations.values())):
+            return len(self.every) > FEW
+        return isinstance(self.problem, Assembly) and len(self.every) > 2**FEW
 
     @cached_property
     def corners(self) -> Array:
@@ -710,7 +713,9 @@ class _Tolerances:
             if not off <= 0.5 * before:
                 break
         good, bad = narrowed(self._may_be_good, low.tau, high.tau, self.is_narrow)
-        return (self.at(good), self.at(bad)) if not self.at(bad).good else self._narrowed(self.at(bad), high)
+        if self.at(bad).good:  # widths that lack no more than parts may overlap
+            good, bad = narrowed(lambda tau: self.at(tau).good, bad, high.tau, self.is_narrow)
+        return self.at(good), self.at(bad)
 
     def _may_be_good(self, tau: float) -> bool:
         """Tell whether a tolerance is good: parts that do not go together need no search for a shift."""
