@@ -22,6 +22,7 @@ from fcdm_opt.tolerances import DEFAULT
 ONTO = 8  # steps of Newton's method onto one or two surfaces
 ONTO_ROUNDING = 1e-14  # of the size of coordinates
 STEPS = 60  # of Newton's method to where a gap is least
+NEARING = 6  # steps to the nearest point of an edge
 FEWER = 12  # times that a step is halved at most
 LEAST_BEND = 1e-9  # of a length over that of the piece looked at: a direction that is bent by less counts as straight
 STRAYED = 2.0  # sizes of the piece looked at, from where a search began: where the gap only falls, as along an axis
@@ -306,6 +307,38 @@ def _off_segment(p, segment):
     share = min(max(_dot(local, along) / square, 0.0), 1.0) if square > 0.0 else 0.0
     off = _plus(local, -share, along)
     return _dot(off, off)
+
+
+@kernel
+def least_to_edges(point, edges, of, bows, patches, near):
+    """Return how far a point is from the nearest of true edges, of chords (m, 2, 3), infinite where there are none.
+
+    `of` (m, 2): the patches of each. `bows` (m, 3): from the middles of chords to the edges, shorter than `near` of
+    straight ones.
+    """
+    p, least = (point[0], point[1], point[2]), math.inf
+    for bent in (False, True):  # straight ones first: bent ones that are farther need no search
+        for e in range(len(edges)):
+            bow = _vector(bows, e)
+            far = math.sqrt(_off_segment(p, edges[e])) - _length(bow)
+            if (_length(bow) > near) != bent or far >= least:
+                continue
+            if not bent:
+                least = far
+                continue
+            start, end = _vector(edges[e], 0), _vector(edges[e], 1)
+            at, chord = _plus(_plus(start, 0.5, _minus(end, start)), 1.0, bow), _minus(end, start)
+            one, two = patches[of[e, 0]], patches[of[e, 1]]
+            for _ in range(NEARING):  # from there along the arc, which may end before
+                along = _cross(gap_at(one, at)[1], gap_at(two, at)[1])
+                along = along if _length(along) > BETWEEN else chord
+                along = _times(1.0 / max(_length(along), TINY), along)
+                step = _dot(along, _minus(p, at))
+                at = onto_point(one, two, False, _plus(at, step, along))
+                if abs(step) <= near:
+                    break
+            least = min(least, max(_length(_minus(at, p)), far))
+    return least
 
 
 @kernel

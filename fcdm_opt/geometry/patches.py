@@ -27,6 +27,7 @@ from fcdm_opt.geometry.patch_kernels import (
     RIM_SLACK,
     beyond_chords,
     is_outside,
+    least_to_edges,
     lowest,
     nearest,
     nearest_on_edges,
@@ -37,7 +38,6 @@ from fcdm_opt.geometry.tessellation import Swept, numbers_of, surfaces_of_triang
 from fcdm_opt.tolerances import DEFAULT
 
 STARTS = 24  # places from which the nearest points of two faces are looked for
-NEARING = 6  # of those to the nearest point of an edge
 NEAR_BY = 0.05  # of the size: so far nearest points may move from one pose to another, where they are followed
 DIGITS = 10.0  # times the rounding of a file: by so much its digits may leave points off their faces
 
@@ -296,26 +296,9 @@ class TrueFaces:
         """Return how far true edges are from a point of some patches, but for concave ones and those between two."""
         # what is behind a surface there is in the material beyond concave edges too
         own = np.isin(self.every_pair_of_patches, near)
-        others = np.flatnonzero(~(own.all(axis=1) | (own.any(axis=1) & self._folds)))
-        bows, near_by = norms(self._bows)[others], DEFAULT.tie * self.body.size
-        away = distances(point[None], self.every_edge[others])[:, 0] - bows
-        straight = bows <= near_by
-        least = float(away[straight].min(initial=np.inf))
-        order = np.flatnonzero(~straight)[np.argsort(away[~straight])]
-        for k, far in zip(others[order].tolist(), away[order].tolist(), strict=True):
-            if far >= least:
-                break
-            pair, at = self.every_pair_of_patches[k].tolist(), self.every_edge[k].mean(axis=0) + self._bows[k]
-            for _ in range(NEARING):  # from there along the arc, which may end before
-                one, two = (self.patches[own].gaps(at[None])[1][0] for own in pair)
-                along = cross(one, two)
-                along = units(along if norms(along) > DEFAULT.sharp else self.every_edge[k, 1] - self.every_edge[k, 0])
-                step = along @ (point - at)
-                at = self.onto(pair, at + along * step)
-                if abs(step) <= near_by:
-                    break
-            least = min(least, max(float(norms(at - point)), far))
-        return least
+        counted = ~(own.all(axis=1) | (own.any(axis=1) & self._folds))
+        edges = self.every_edge[counted], self.every_pair_of_patches[counted], self._bows[counted]
+        return float(least_to_edges(point, *edges, self.numbers, DEFAULT.tie * self.body.size))
 
     def onto(self, patches: Sequence[int], point: Array) -> Array:
         """Return a point moved onto the surfaces of patches."""

@@ -20,7 +20,8 @@ from fcdm_opt.geometry.bodies import Body, Seed
 from fcdm_opt.geometry.facet_errors import round_surfaces
 from fcdm_opt.geometry.measures import cross, norms, unit_normals, units
 from fcdm_opt.geometry.mesh import SEVERAL, checked_mesh, solids
-from fcdm_opt.geometry.tessellation import Surfaces, Swept, errors_of_faces, true_centroid
+from fcdm_opt.geometry.patch_kernels import gaps_of_each
+from fcdm_opt.geometry.tessellation import Surfaces, Swept, errors_of_faces, numbers_of, padded, true_centroid
 from fcdm_opt.geometry.units import UnitOrNone
 from fcdm_opt.tolerances import DEFAULT
 
@@ -71,7 +72,8 @@ def Prism(  # noqa: N802
     Parameters
     ----------
     polygon : (n, 2) array
-        Corners of the polygon in order; it need not be convex. Square to the axis z they are x and y.
+        Corners of the polygon in order; it need not be convex. Square to the axis z they are x and y, to x they are
+        -z and y, to y x and -z, to any other what the shortest turn from z makes of x and y.
     height : float
         How far it is drawn out, > 0.
     base : (3,) array
@@ -393,11 +395,12 @@ def _onto_surfaces(points: Array, triangles: Ints, sources: Sequence[Body], plan
     of[flat] = len(surfaces) + np.arange(len(flat))
     corners, owners = triangles.ravel(), np.repeat(of, 3)
     moved, every, at = points.copy(), [*surfaces, *flats], groups_of(corners)
-    for v in np.unique(corners[(owners < len(surfaces)) | np.repeat(back, 3)]).tolist():
-        meeting = [every[k] for k in np.unique(owners[at[v]]).tolist()]
-        for _ in range(STEPS):
-            misses, slopes = zip(*(each.misses(moved[v][None]) for each in meeting), strict=True)
-            moved[v] -= np.linalg.lstsq(np.concatenate(slopes), np.concatenate(misses), rcond=DEFAULT.sharp)[0]
+    asked = np.unique(corners[(owners < len(surfaces)) | np.repeat(back, 3)])
+    meeting = [np.unique(owners[at[v]]).tolist() for v in asked.tolist()]
+    which = padded(meeting)
+    for _ in range(STEPS if len(asked) else 0):
+        misses, slopes = gaps_of_each(moved[asked], numbers_of(every), which)
+        moved[asked] -= (np.linalg.pinv(slopes, rcond=DEFAULT.sharp) @ misses[..., None])[..., 0]
     return moved, every
 
 

@@ -405,6 +405,12 @@ def numbers_of(surfaces: Sequence[Swept]) -> Array:
     return np.array(each, float).reshape(-1, 11)
 
 
+def padded(numbers: Sequence[Sequence[int]]) -> Ints:
+    """Return lists of numbers as the rows of an array, those that are shorter filled up with -1."""
+    most = max(map(len, numbers), default=0)
+    return np.array([[*own, *[-1] * (most - len(own))] for own in numbers], np.int64).reshape(len(numbers), most)
+
+
 def onto_crossings(
     drawn: Array,
     places: Array,
@@ -422,8 +428,7 @@ def onto_crossings(
     - `meeting`: the surfaces of each, by number in both `sides`: before they moved, and now.
     - `middles`: a point of the face of each surface, (3,). `near`: length by which surfaces count as one.
     """
-    most, (before, surfaces), found = max(map(len, meeting), default=0), sides, places.copy()
-    which = np.array([[*own, *[-1] * (most - len(own))] for own in meeting], np.int64).reshape(len(places), most)
+    (before, surfaces), found, which = sides, places.copy(), padded(meeting)
     kept, numbers = gaps_of_each(drawn, numbers_of(before), which)[0], numbers_of(surfaces)
     gaps, normals = gaps_of_each(places, numbers, which)
     cosines = normals @ normals.transpose(0, 2, 1)
